@@ -10,9 +10,7 @@ from .errors import ConfigError
 from .load import Cell
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
-from .urdf.robot import read_robot
-from .urdf.sweep import with_sweep
-from .urdf.wheels import with_wheels
+from .urdf.robot import read_robot, with_sweep, with_wheels
 
 FORMAT: Final = 1
 

@@ -13,24 +13,26 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from .agree.agree import check_agreement
-from .agree.cell import PartOf, check_cell
-from .devices import devices_of, shared_devices
-from .drives.joint_ranges import expand
-from .drives.rig_drives import with_drives
+from .consistency import PartOf, check_agreement, check_cell
+from .drives import expand, with_drives
 from .errors import ConfigError, nearest, short
-from .joint_tasks import agree, agree_with_beam
-from .parts import MechanismKeys, joint_tables_of, on_top, parts_of
-from .schema.bus.on_bus import Entry
+from .parts import (
+    MechanismKeys,
+    agree,
+    agree_with_beam,
+    devices_of,
+    joint_tables_of,
+    on_top,
+    parts_of,
+    shared_devices,
+)
+from .schema.bus import Entry
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
 from .schema.section import Section
-from .schema.sensors.cameras import CameraSection
-from .toml import read_toml
-from .urdf.robot import Robot, UrdfJoint, read_robot
-from .urdf.sweep import with_sweep
-from .urdf.wheels import with_wheels
-from .validated import under, validated
+from .schema.surroundings import CameraSection
+from .toml import read_toml, under, validated
+from .urdf.robot import Robot, UrdfJoint, read_robot, with_sweep, with_wheels
 
 __all__ = [
     "Cell",

@@ -1,19 +1,91 @@
-"""Several mechanisms in one cell file: what it says of each alone.
-
-A part is what the file would say with that mechanism alone: the mechanism, which may be `like` that
-of another cell, with what that cell says of how it moves; on top of it what this file says for all;
-on top of that what it says in the mechanism's own table, and for the task that the mechanism has.
-"""
+"""Several mechanisms in one cell file: what it says of each alone, and of the tasks they share."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from .errors import ConfigError, nearest, short
-from .joint_tasks import SHARED, is_joint
+from .schema.bus import Entry
+from .schema.cell import CellConfig
+from .schema.joint_task import JointTaskSection
+from .schema.rig import RigSection
+
+# --- Tasks that several mechanisms of a cell file hold together, and that they fit the mechanisms
+
+SHARED: Final = ("T_world_crf", "sources", "schedules")
+"""Keys that a joint task has of the whole file where it says nothing of its own."""
+
+
+MOST_SWING: Final = 1.2
+"""A payload on its pads is simulated well up to this (ω² dt² + c dt / I) [1]."""
+
+
+def is_joint(table: dict[str, Any]) -> bool:
+    """Return whether a table of `[[tasks]]` is for several mechanisms."""
+    by = table.get("by")
+    return isinstance(by, list) and len(by) > 1
+
+
+def agree(
+    path: Path, tasks: Sequence[tuple[int, JointTaskSection]], mechanisms: Mapping[str, bool]
+) -> None:
+    """Raise `ConfigError` where joint tasks, each with its place in the file, do not fit the cell.
+
+    `mechanisms` tells by name which have a force/torque sensor: none holds a payload with others
+    without. A mechanism holds one payload at a time: two tasks at start may not ask for the same.
+    """
+    holder: dict[str, str] = {}
+    for i, task in tasks:
+        for k, name in enumerate(task.by):
+            where = f"{path}: tasks[{i}].by[{k}]: value '{name}'"
+            if name not in mechanisms:
+                raise ConfigError(f"{where}: no such mechanism{nearest(name, mechanisms)}")
+            if not mechanisms[name]:
+                raise ConfigError(f"{where}: has no force_torque sensor to hold a payload by")
+            if not task.at_start:
+                continue
+            if name in holder:
+                raise ConfigError(f"{where}: holds '{holder[name]}' at start")
+            holder[name] = task.name
+
+
+def agree_with_beam(path: Path, tasks: Sequence[JointTaskSection], rig: RigSection | None) -> None:
+    """Raise `ConfigError` where the rig's payload does not fit the task that is to hold it."""
+    if rig is None or rig.beam is None:
+        return
+    beam = rig.beam
+    if not tasks:
+        raise ConfigError(f"{path}: rig.beam: no task of [[tasks]] is by several mechanisms")
+    if len(beam.misfit) not in (0, len(tasks[0].by)):
+        raise ConfigError(
+            f"{path}: rig.beam.misfit: {len(beam.misfit)} places for {len(tasks[0].by)} mechanisms"
+            f" of task '{tasks[0].name}': one each"
+        )
+    x, y, z = beam.half_size
+    least = beam.mass / 3.0 * min(y * y + z * z, x * x + z * z, x * x + y * y)
+    pads, step = len(tasks[0].by), rig.physics_step_s
+    swing = max(
+        pads * (stiffness * step + damping) * step / inertia
+        for stiffness, damping, inertia in zip(
+            beam.grasp_stiffness, beam.grasp_damping, (beam.mass, least), strict=True
+        )
+    )
+    if swing > MOST_SWING:
+        raise ConfigError(
+            f"{path}: rig.beam.mass: value {beam.mass:g}: on pads as stiff and damped as these it "
+            f"needs {beam.mass * swing / MOST_SWING:.2g} kg, or smaller physics steps"
+        )
+
+
+# --- Several mechanisms in one cell file: what it says of each alone ------------------------------
+#
+# A part is what the file would say with that mechanism alone: the mechanism, which may be
+# `like` that of another cell, with what that cell says of how it moves; on top of it what this
+# file says for all; on top of that what it says in the mechanism's own table, and for the task
+# that the mechanism has.
 
 MOST: Final = 8
 """Mechanisms in one cell [1]."""
@@ -247,3 +319,36 @@ def _names(path: Path, key: str, tables: list[Document]) -> list[str]:
             raise ConfigError(f"{path}: {key}[{i}].name: value '{name}': is there already")
         names.append(name)
     return names
+
+
+# --- Devices on a cell's buses: an entry for each, in the order of booting ------------------------
+
+
+def devices_of(config: CellConfig, place: str, prefix: str, part: int) -> Iterator[Entry]:
+    """Yield the devices of one mechanism: drives as the chain's joints, then sensor and gripper.
+
+    The mechanism stands at `place` in the file and is the cell's `part`-th; names of its devices
+    begin with `prefix`.
+    """
+    mechanism = config.mechanism
+    default = mechanism.bus or config.fieldbuses[0].name
+    for i, drive in enumerate(mechanism.drives):
+        name = f"{prefix}{drive.joint}"
+        key = f"{place}.{drive.key(i)}"
+        yield Entry(key, name, drive, drive.bus or default, f"the drive of '{name}'", part)
+    of = f" of '{mechanism.name}'" if prefix else ""
+    for kind in ("force_torque", "gripper"):
+        section = getattr(mechanism, kind)
+        if section is not None:
+            owner = f"the {kind.replace('_', '/')}{of}"
+            bus = section.bus or default
+            yield Entry(f"{place}.{kind}", f"{prefix}{kind}", section, bus, owner, part)
+
+
+def shared_devices(config: CellConfig) -> Iterator[Entry]:
+    """Yield the devices that a cell has once, however many mechanisms it has."""
+    switch = config.enabling_switch
+    if switch is not None:
+        name = "enabling_switch"
+        bus = switch.bus or config.fieldbuses[0].name
+        yield Entry(name, name, switch, bus, "the enabling switch", None)

@@ -18,7 +18,7 @@ from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
-from ..config.schema.bus.bus import BusSection
+from ..config.schema.bus import BusSection
 from .device import DeviceError
 
 CanMessage = can.Message

@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from ..config.schema.bus.bus import BusSection
+from ..config.schema.bus import BusSection
 from .bus import LoopbackBus
 
 

@@ -1,23 +1,31 @@
-"""The contract that every device driver keeps, and what can be wrong with a device.
-
-A driver is behaviour; its tables are data in `protocols/`. Its life is
-
-    open()  ->  [ read() -> write() ]*  ->  stop()  ->  close()
-
-`open` may block and raises `DeviceError`; it runs in BOOT and READY only. `read` and `write` never
-block: `read` returns what the device last said, with its age, and never invents a state that was
-not received; `write` returns what was really sent. `stop` asks the device to come to rest by its
-own means, at once, and is safe to call in any state, more than once. `close` leaves the device
-de-energised where it can be, and never raises.
-
-`Device` is the part that all devices share; `roles.py` adds what the server asks of a joint's
-drive, a wrench sensor or an output. `kinds.py` lists the kinds of devices there are.
-"""
+"""The contract that every device driver keeps, roles of devices, and what can be wrong with one."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar, Protocol
+from typing import ClassVar, Final, NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..protocols.canopen import can301
+from ..protocols.canopen.can301 import EmcyCode
+from ..protocols.canopen.cia402 import DriveState, Status
+
+# --- The contract that every device driver keeps, and what can be wrong with a device -------------
+#
+# A driver is behaviour; its tables are data in `protocols/`. Its life is
+#
+#     open()  ->  [ read() -> write() ]*  ->  stop()  ->  close()
+#
+# `open` may block and raises `DeviceError`; it runs in BOOT and READY only. `read` and `write`
+# never block: `read` returns what the device last said, with its age, and never invents a state
+# that was not received; `write` returns what was really sent. `stop` asks the device to come to
+# rest by its own means, at once, and is safe to call in any state, more than once. `close`
+# leaves the device de-energised where it can be, and never raises.
+#
+# `Device` is the part that all devices share; `device.py` adds what the server asks of a joint's
+# drive, a wrench sensor or an output. `kinds.py` lists the kinds of devices there are.
 
 Value = str | int | float | bool | None
 """Value in an event or in telemetry."""
@@ -100,3 +108,185 @@ class Device(ABC):
     def values(self) -> dict[str, Value]:
         """Return the values that telemetry shows under the device's name."""
         return {}
+
+
+# --- Status of a servo drive, its last setpoint, and which statuswords are wrong ------------------
+
+MOST_MISSED_SYNCS: Final = 3
+"""More SYNCs than this without an answer mean that the drive is lost."""
+RESET_SYNCS: Final = 25
+"""A fault reset that has not worked after this many SYNCs is given up."""
+OBEYED_SYNCS: Final = 3
+"""A drive's setpoint takes effect at the next SYNC; the one after samples it, and that answer may
+be counted as one to the SYNC after it: only from here on a statusword is about it."""
+SWITCH_OFF_S: Final = 1.0
+"""A drive that is still on, or in its quick stop, so long after it was told to switch off does not
+do it by itself: closing a brake and a quick stop's ramp take less [s]."""
+
+
+class ServoReading(NamedTuple):
+    """Last status of the drive. Until its first TPDO there is none: `ready` is false."""
+
+    ready: bool
+    fresh: bool
+    """It answered the newest SYNC."""
+    age_syncs: int
+    """SYNCs sent since the one that it last answered."""
+    sampled_s: float | None
+    """When it sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not
+    known. Stamps of the bus have another clock."""
+    position_rad: float | None
+    torque_nm: float | None
+    velocity_rad_s: float | None
+    """None: TPDO1 has no room for it."""
+    state: DriveState | None
+    """None also when the statusword means no state."""
+    obeyed: bool
+    """The state was sampled after what the drive was last told to do took effect."""
+    statusword: int
+    trouble: Trouble | None
+
+    @classmethod
+    def of_none(cls, age_syncs: int, trouble: Trouble | None) -> Self:
+        """Return the reading of a drive that has not answered yet."""
+        return cls(False, False, age_syncs, None, None, None, None, None, False, 0, trouble)
+
+
+class Sent(NamedTuple):
+    """Setpoint that `write` really sent; None while the drive's position is not known."""
+
+    controlword: int
+    raw: int | None
+    """The setpoint as it went out, in the drive's own unit."""
+    command: float | None
+    """The same in the joint's: rad, rad/s or N·m."""
+
+
+def wrong_emergency(code: int) -> tuple[Cause, str, dict[str, str | int]]:
+    """Return cause, words and values of an emergency message."""
+    followed = code == EmcyCode.FOLLOWING_ERROR
+    name = can301.emcy_name(code)
+    cause = Cause.FOLLOWING_ERROR if followed else Cause.EMERGENCY
+    return cause, f"emergency {code:#06x}: {name}", {"code": code, "name": name}
+
+
+def wrong_status(
+    word: int, state: DriveState | None, *, meant: bool, overdue: bool
+) -> tuple[Cause, str] | None:
+    """Return what is wrong with a statusword that means `state`, or None.
+
+    `meant`: the drive is to be in *Operation enabled*, and was. `overdue`: it should long be off.
+    """
+    if state is None:
+        return Cause.STATE_LOST, f"statusword {word:#06x} means no state"
+    if word & Status.FOLLOWING_ERROR and (meant or state.in_fault):
+        return Cause.FOLLOWING_ERROR, "following error beyond 6065h"
+    if state.in_fault:
+        return Cause.DRIVE_FAULT, state.name.lower()
+    if meant and not word & Status.VOLTAGE_ENABLED:
+        return Cause.POWER_LOST, "no voltage on the power stage"
+    if meant and state is not DriveState.OPERATION_ENABLED:
+        return Cause.STATE_LOST, f"left operation_enabled for {state.name.lower()} unasked"
+    if overdue and state is DriveState.OPERATION_ENABLED:
+        return Cause.STATE_LOST, "stays in operation_enabled, told to switch off"
+    return None
+
+
+# --- Roles of devices: a joint's drive, a wrench sensor, an output; and their readings ------------
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchReading:
+    """The newest sample. Until the first one came there is none: `ready` is false."""
+
+    ready: bool
+    wrench: NDArray[np.float64] | None
+    """(6,) [N, N·m], force first: what the arm exerts on its environment, at the Sensor frame's
+    origin and in its axes. Weight and bias are still in it."""
+    stamp: float
+    """The bus' stamp of the sample's second half [s], on the bus' own clock."""
+    age_s: float
+    trouble: Trouble | None
+
+
+@dataclass(frozen=True, slots=True)
+class MeanWrench:
+    """The mean of several samples, without the aliases that any one of them alone has."""
+
+    wrench: NDArray[np.float64]
+    """(6,) [N, N·m], signed and placed as a `WrenchReading`'s."""
+    stamp: float
+    """Mean of their stamps [s], on the bus' own clock."""
+    jump: NDArray[np.float64]
+    """By how much a sample is off its two neighbours' mean (6,), where it is most [N, N·m]: contact
+    that chatters between samples is known no better."""
+
+
+class JointDrive(Device):
+    """Drive of one joint, whose setpoint is rad, rad/s or N·m as its operation mode is."""
+
+    answer_stamp: float
+    """The bus' stamp of the newest answer to a SYNC [s], on the bus' own clock."""
+
+    @property
+    @abstractmethod
+    def answered(self) -> bool:
+        """True once the drive has answered the newest SYNC."""
+
+    @property
+    def emergency(self) -> Trouble | None:
+        """Trouble that the drive tells of at once, asked by no SYNC; None where it tells none."""
+        return None
+
+    @abstractmethod
+    def read(self) -> ServoReading:
+        """Return the newest answer, and what is wrong with it."""
+
+    @abstractmethod
+    def write(self, command: float) -> Sent:
+        """Send a setpoint; return what was sent. Raises `ValueError` for one out of range."""
+
+    @abstractmethod
+    def request_enable(self) -> None:
+        """Step towards *Operation enabled* with the coming writes."""
+
+    @abstractmethod
+    def request_disable(self) -> None:
+        """Step towards power off with the coming writes."""
+
+    @abstractmethod
+    def request_fault_reset(self) -> None:
+        """Acknowledge trouble and stop, and reset the drive's fault."""
+
+    def tell_ramp(self, deceleration: float) -> None:
+        """Tell the ramp of a quick stop that is about to be sent [rad/s²].
+
+        A drive that cannot be told keeps its own.
+        """
+
+    @abstractmethod
+    def prepare(self, torque: float) -> bool:
+        """Prepare the drive, while off, for its joint's position, and a torque that holds it [N·m].
+
+        Returns whether it blocked.
+        """
+
+
+class WrenchSensor(Device):
+    """Force/torque sensor at the wrist."""
+
+    @abstractmethod
+    def read(self) -> WrenchReading:
+        """Return the newest sample."""
+
+    @abstractmethod
+    def mean(self) -> MeanWrench | None:
+        """Return the mean of the samples since the last call; None before the first sample."""
+
+
+class SwitchedOutput(Device):
+    """Something that is switched on and off."""
+
+    @abstractmethod
+    def write(self, command: bool) -> bool:
+        """Switch it, now and with every call; return what was commanded."""

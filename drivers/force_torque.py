@@ -4,11 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from ..config.schema.mechanism.mechanism import ForceTorqueSection
+from ..config.schema.mechanism import ForceTorqueSection
 from ..protocols.canopen import robotous
-from .device import Cause, DeviceError, Trouble
+from .device import Cause, DeviceError, MeanWrench, Trouble, WrenchReading, WrenchSensor
 from .fieldbus import Fieldbus
-from .roles import MeanWrench, WrenchReading, WrenchSensor
 
 FIRST_SAMPLE_TIMEOUT_S: Final = 1.0
 START_AGAIN_S: Final = 1.0

@@ -10,17 +10,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from ..config.load import Cell
-from ..config.schema.bus.enabling import EnablingSwitchSection
-from ..config.schema.bus.on_bus import Entry, OnBusSection
-from ..config.schema.mechanism.mechanism import DriveSection, ForceTorqueSection, GripperSection
+from ..config.schema.bus import EnablingSwitchSection, Entry, OnBusSection
+from ..config.schema.mechanism import DriveSection, ForceTorqueSection, GripperSection
 from ..protocols.canopen.cia402 import OperationMode
-from .canopen.enabling import EnablingInput
-from .canopen.gripper import GripperOutput
-from .canopen.servo.servo import ServoDrive
-from .canopen.servo.stop_ramp import StopRamp
+from .canopen.io_modules import EnablingInput, GripperOutput
+from .canopen.servo import ServoDrive, StopRamp
 from .device import Device
-from .fieldbus import Fieldbus
-from .fieldbuses import Fieldbuses
+from .fieldbus import Fieldbus, Fieldbuses
 from .force_torque import RobotousSensor
 
 EDS: Final = Path(__file__).resolve().parent.parent / "config" / "devices"
@@ -33,7 +29,7 @@ class Kind:
     driver: Callable[[Any, Entry, Fieldbus, Cell], Device]
     """Takes the device's table, its entry, its bus, and the cell of its mechanism."""
     node: str
-    """Module in `rig/nodes/` and class, which keeps the contract `nodes/node.py`."""
+    """Module in `rig/nodes/` and class, which keeps the contract `node.py`."""
 
 
 def _servo(drive: DriveSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
@@ -65,10 +61,10 @@ def _switch(switch: EnablingSwitchSection, entry: Entry, fieldbus: Fieldbus, cel
 
 
 KINDS: Final[dict[type[OnBusSection], Kind]] = {
-    DriveSection: Kind(_servo, "servo.servo_node:SimulatedDrive"),
-    ForceTorqueSection: Kind(_sensor, "sensors.force_torque_node:SimulatedForceTorque"),
-    GripperSection: Kind(_gripper, "io.gripper_node:SimulatedGripper"),
-    EnablingSwitchSection: Kind(_switch, "io.enabling_node:SimulatedSwitch"),
+    DriveSection: Kind(_servo, "servo:SimulatedDrive"),
+    ForceTorqueSection: Kind(_sensor, "sensors:SimulatedForceTorque"),
+    GripperSection: Kind(_gripper, "io:SimulatedGripper"),
+    EnablingSwitchSection: Kind(_switch, "io:SimulatedSwitch"),
 }
 
 

@@ -13,9 +13,8 @@ from typing import Any, Final, TypeVar, get_args
 import msgpack
 from pydantic import ValidationError
 
-from .bounds import bounds_of
 from .messages.messages import VERSION, Message
-from .topics import Topic
+from .topics import Topic, bounds_of
 
 MessageT = TypeVar("MessageT", bound=Message)
 

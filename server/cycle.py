@@ -1,39 +1,95 @@
-"""One period of the daemon: SYNC; read, take commands, decide the mode, tick, write, tell.
-
-`begin` sends SYNC k at its deadline; `finish` does the rest once the drives have answered. Every
-cycle ends in a safe command: whatever is raised on the way ends in a quick stop of every drive.
-"""
+"""One period of the daemon: SYNC; read, take commands, decide the mode, tick, write, tell."""
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from ..config.load import Cell, UrdfJoint
+from ..config.schema.null_space import OBJECTIVES
 from ..drivers.device import Cause, Trouble
+from ..protocols import topics as t
+from ..protocols.codec import decode_as, encode
+from ..protocols.messages.messages import JoystickTwist
+from .commands.commands import Commands
+from .control.arm import Arm
 from .control.barriers.clearance import Gap
 from .control.joints import Joints
+from .control.mechanism.redundancy import ObjectiveGains
 from .control.spatial import Array
+from .control.state import Inputs, Intent, Memory
+from .control.task.source import PathGoal, Pursuit, StickCommand, TwistRoute, TwistSegment, ViewGoal
 from .control.tick import Control
-from .faults import FaultDetector
-from .flight.black_box import BlackBox
-from .flight.flight import Flight
-from .flight.log import FlightLog
 from .mode import Mode
 from .operators.admission import Admission, Grants, Instant
-from .operators.dispatcher import Dispatcher
-from .operators.exposure import opening_events
 from .operators.inbox import Inbox
-from .operators.link import Link
-from .operators.request_context import RequestContext
-from .operators.services import Services
+from .operators.link import Link, opening_events
+from .operators.requests import Dispatcher, RequestContext, Services
 from .plant import Plant, PlantReading
-from .power import DrivePower
-from .runtime.clock import Clock
-from .supervisor import Supervisor
+from .process import Clock
+from .recorder import BlackBox, Flight, FlightLog
+from .supervisor import DrivePower, FaultDetector, Supervisor
 from .telemetry import Telemetry, TickRecord, describe
 from .units.units import Units
-from .warm_up import warm_up
+
+# --- Warm-up: ticks and messages with dummy inputs, so that the first real ones are not slow ------
+
+TICKS = 20
+"""Ticks of each intent that are computed [1]."""
+
+
+def warm_up(cell: Cell, control: Control) -> None:
+    """Run the tick with every kind of input, so that all of its code is loaded; keep nothing."""
+    dummies = [_Dummy(part, arm) for part, arm in zip(cell.parts, control.arms, strict=True)]
+    for intent in Intent:
+        memories = control.seed(np.concatenate([dummy.q for dummy in dummies]))
+        for i in range(TICKS):
+            inputs = [
+                dummy.inputs(memory, intent, i / TICKS)
+                for dummy, memory in zip(dummies, memories, strict=True)
+            ]
+            memories, _ = control.tick(memories, inputs)
+    decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
+    command = JoystickTwist(seen_tick=0, twist=(0.0,) * 6)
+    decode_as(t.JOYSTICK.message, encode(command), t.JOYSTICK.max_bytes)
+
+
+class _Dummy:
+    """Dummy inputs of one arm."""
+
+    def __init__(self, part: Cell, arm: Arm) -> None:
+        self._arm = arm
+        self.q = np.array(part.config.mechanism.postures["start"])
+        commands = Commands.from_cell(part)
+        every = ObjectiveGains(dict.fromkeys(OBJECTIVES, 0.1), self.q)
+        self._settings = replace(commands.control_settings(), objectives=every)
+        self._moved = commands.frames.moved if commands.frames.may_move else None
+        self._stick = StickCommand(np.full(6, 0.01), np.eye(3))
+
+    def inputs(self, memory: Memory, intent: Intent, way: float) -> Inputs:
+        """Return the inputs of a tick; `way` from 0 to 1 goes through the kinds of goals."""
+        mrf = self._settings.T_wrist_mrf
+        T = self._arm.pose_mrf(memory, mrf)
+        goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((TwistSegment(np.zeros(6), 1.0),), 3))
+        return Inputs(
+            0.0,
+            intent,
+            self.q,
+            self._settings,
+            stick=self._stick,
+            goal=goals[int(way * len(goals))],
+            view=ViewGoal(mrf, T),
+            moved=self._moved,
+        )
+
+
+# --- One period of the daemon: SYNC; read, take commands, decide the mode, tick, write, tell ------
+#
+# `begin` sends SYNC k at its deadline; `finish` does the rest once the drives have answered.
+# Every cycle ends in a safe command: whatever is raised on the way ends in a quick stop of
+# every drive.
 
 
 class Cycle:

@@ -12,25 +12,22 @@ from types import FrameType
 
 from ..config.bundle import to_text
 from ..config.load import Cell
-from ..config.schema.security import refuse_exposure
+from ..config.schema.network import refuse_exposure
 from ..drivers.device import DeviceError
-from ..drivers.fieldbuses import Fieldbuses, open_buses
+from ..drivers.fieldbus import Fieldbuses, open_buses
 from ..drivers.kinds import make_drivers
 from ..drivers.network.identity import Identity, identity_of
-from ..protocols.agreement import random_key
+from ..protocols.proof import random_key
 from ..protocols.topics import Role
 from .control.tick import Control
 from .cycle import Cycle
-from .flight.black_box import BlackBox
+from .events import Level, LogLines, is_journals
 from .loop import LoopStatistics, run
 from .mode import Mode
-from .operators.exposure import doubts, exposure
-from .operators.link import Link, ZenohLink
+from .operators.link import Link, ZenohLink, doubts, exposure
 from .plant import Plant
-from .runtime.clock import Clock, MonotonicClock
-from .runtime.log_lines import Level, LogLines, is_journals
-from .runtime.operating_system import prepare, release
-from .runtime.service import notify
+from .process import Clock, MonotonicClock, notify, prepare, release
+from .recorder import BlackBox
 
 RETRY_S = 0.5
 """While devices are missing at start, they are looked for again after [s]."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from .cycle import Cycle
 from .mode import Mode
-from .runtime.clock import MonotonicClock
+from .process import MonotonicClock
 
 COLLECT_PART = 0.3
 """Part of a period in which the drives' answers are waited for [1]."""

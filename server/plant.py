@@ -5,10 +5,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..drivers.device import Cause, Device, DeviceError, Trouble, Value
-from ..drivers.fieldbuses import Fieldbuses
-from ..drivers.roles import JointDrive, MeanWrench, SwitchedOutput, WrenchSensor
-from ..drivers.servo_status import ServoReading
+from ..drivers.device import (
+    Cause,
+    Device,
+    DeviceError,
+    JointDrive,
+    MeanWrench,
+    ServoReading,
+    SwitchedOutput,
+    Trouble,
+    Value,
+    WrenchSensor,
+)
+from ..drivers.fieldbus import Fieldbuses
 from ..protocols.canopen.cia402 import DriveState
 from .control.spatial import Array
 

@@ -1,19 +1,132 @@
-"""Supervisor: decides the mode in every tick, switches the drives' power, and stops them."""
+"""Supervisor: decides the mode in every tick by the faults, switches the drives' power, stops."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from ..drivers.device import DeviceError, Trouble
-from .faults import FaultDetector
+import numpy as np
+
+from ..config.load import UrdfJoint
+from ..config.schema.mechanism import DriveSection
+from ..drivers.device import Cause, DeviceError, Trouble
+from ..protocols.canopen.cia402 import DriveState
+from .control.joints import Joints
+from .control.spatial import Array
+from .events import Events
 from .mode import Mode, ModeInputs, PendingAction, next_mode
 from .operators.admission import Admission, Instant
-from .operators.request_context import RequestContext
-from .operators.services import Services
+from .operators.requests import RequestContext, Services
 from .plant import Plant, PlantReading
-from .power import DrivePower
 from .refusals import Refused, Why
-from .runtime.events import Events
 from .units.units import Units
+
+# --- Fault detection: devices in trouble, drives that left Operation enabled, joints left behind
+
+
+class FaultDetector:
+    """Detects faults that call for a quick stop."""
+
+    def __init__(self, joints: Joints, drives: Sequence[DriveSection]) -> None:
+        """Build it for all joints of a cell, and their drives in the same order."""
+        self._joints, self._window = joints.names, joints.following_window
+        self._nodes = tuple(drive.node for drive in drives)
+
+    def find(
+        self, mode: Mode, reading: PlantReading, following_error: Array | None
+    ) -> Trouble | None:
+        """Return what is wrong now, or None; `following_error` (n,) is the last tick's [rad]."""
+        if reading.trouble is not None or not mode.energised:
+            return reading.trouble
+        return self._elsewhere(mode, reading) or self._left_behind(following_error)
+
+    def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble | None:
+        """Return which drive is not in Operation enabled, though the mode says that all are."""
+        if DriveState.OPERATION_ENABLED in reading.states and len(set(reading.states)) == 1:
+            return None
+        j = next(i for i, s in enumerate(reading.states) if s is not DriveState.OPERATION_ENABLED)
+        state = reading.states[j]
+        there = "no state" if state is None else state.name.lower()
+        return Trouble(
+            Cause.STATE_LOST,
+            self._joints[j],
+            f"the mode is {mode}, the drive is in {there}",
+            {"node": self._nodes[j]},
+        )
+
+    def _left_behind(self, following_error: Array | None) -> Trouble | None:
+        """Return which joint is too far from its command."""
+        if following_error is None:
+            return None
+        error = np.abs(following_error)
+        if not (error > self._window).any():
+            return None
+        j = int(np.argmax(error / self._window))
+        return Trouble(
+            Cause.FOLLOWING_ERROR,
+            self._joints[j],
+            f"command and joint are {error[j]:.4f} rad apart, at most {self._window[j]:.4f}",
+            {"node": self._nodes[j], "error_rad": float(error[j])},
+        )
+
+
+# --- Power of the drives: switched on and off with the mode, step by step with their states -------
+#
+# The arm is enabled from drives that are off: each is given room for where its joint stands,
+# and the torque that holds it there, and then led to Operation enabled.
+
+OUTSIDE = 1e-4
+"""A joint is outside its limit from here on: less is what an encoder rounds [rad]."""
+
+
+class DrivePower:
+    """Switches the drives of one cell; `holding` returns the torques (n,) that hold joints (n,)."""
+
+    def __init__(
+        self,
+        joints: tuple[UrdfJoint, ...],
+        plant: Plant,
+        events: Events,
+        holding: Callable[[Array], Array],
+    ) -> None:
+        self._plant, self._events, self._holding = plant, events, holding
+        self._joints = joints
+        self._begun = False
+
+    def follow(self, on: bool, reading: PlantReading) -> bool:
+        """Lead the drives on, or off; where they are still on their way off, that comes first.
+
+        For READY, every tick. Returns whether it blocked, while a drive was prepared; raises
+        `DeviceError` where one cannot be.
+        """
+        blocked = False
+        if not on:
+            self._begun = False
+        elif not self._begun and reading.off and reading.q is not None:
+            self._tell_outside(reading.q)
+            blocked = self._plant.prepare(self._holding(reading.q))
+            self._begun = True
+        if self._begun:
+            self._plant.enable()
+        else:
+            self._plant.disable()
+        return blocked
+
+    def _tell_outside(self, q: Array) -> None:
+        """Name every joint that stands outside its limits, and by how much."""
+        for joint, angle in zip(self._joints, q.tolist(), strict=True):
+            beyond = max(joint.lower - angle, angle - joint.upper)
+            if beyond > OUTSIDE:
+                limit = joint.lower if angle < joint.lower else joint.upper
+                self._events.warning(
+                    "outside_limit",
+                    f"{joint.name}: {beyond:.4f} rad beyond {limit:.4f}: it can only be moved back",
+                    joint=joint.name,
+                    beyond_rad=beyond,
+                    position_rad=angle,
+                    limit_rad=limit,
+                )
+
+
+# --- Supervisor: decides the mode in every tick, switches the drives' power, and stops them -------
 
 OVERRUNS = "overruns"
 """Why the arm stops when ticks were late: no reason to give up enabling it, which moves nothing."""

@@ -4,10 +4,10 @@ import math
 from importlib import metadata
 from typing import Any, NamedTuple
 
-from ..config.drives.joint_bounds import joint_bounds
+from ..config.drives import joint_bounds
 from ..config.load import Cell, joint_part
 from ..config.schema.joint_task import JointTaskSection
-from ..config.schema.sources.sources import SOURCES
+from ..config.schema.sources import SOURCES
 from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Vector6
 from ..protocols.messages.telemetry import (
@@ -18,24 +18,21 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE, TICK
-from .control.mechanism.null_space.potential_field import FieldReading
-from .control.mechanism.null_space.priority import Near
-from .control.mechanism.payload import Payload
+from .control.mechanism.field import FieldReading
+from .control.mechanism.redundancy import Near
+from .control.mechanism.wrench import Payload
 from .control.spatial import Array
 from .control.state import Output
-from .control.task.paths.leading import Progress
-from .flight.log import KeptTick, pack_memories
+from .control.task.position import Progress
+from .events import Events
 from .mode import Mode
 from .operators.admission import Admission
-from .operators.exposure import network
-from .operators.link import Link
-from .perception.ahead.passage import Passage
+from .operators.link import Link, network
+from .perception.ahead import Passage
 from .plant import PlantReading
-from .runtime.events import Events
-from .units.insertion import described_base, described_insertion, told_insertion
-from .units.joint_unit import JointUnit
-from .units.unit import Unit
-from .units.units import Units
+from .recorder import KeptTick, pack_memories
+from .units.unit import Unit, described_base, described_insertion, told_insertion
+from .units.units import JointUnit, Units
 
 DESCRIBE_EVERY = 100
 """Ticks between two descriptions, for operators that come late [1]."""

@@ -273,7 +273,7 @@ def two_arms(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 def rendering() -> None:
     """Skip, with the reason, where no pictures can be made."""
     try:
-        from telerobot.drivers.rig.physics.sensors.camera import RigCameras
+        from telerobot.drivers.rig.physics.camera import RigCameras
 
         RigCameras(load_cell("pa10_vision")).close()
     except DeviceError as error:
@@ -283,7 +283,7 @@ def rendering() -> None:
 @pytest.fixture(scope="session")
 def opengl(rendering: None) -> None:
     """Skip, with the reason, where pictures are drawn, and not rendered by MuJoCo."""
-    from telerobot.drivers.rig.physics.sensors.camera import RigCameras
+    from telerobot.drivers.rig.physics.camera import RigCameras
 
     cameras = RigCameras(load_cell("pa10_vision"))
     cameras.close()

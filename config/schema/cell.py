@@ -7,24 +7,21 @@ description; `check.py` in the tools judges what a schema cannot see.
 
 from pydantic import Field, model_validator
 
-from .bus.bus import BusSection
-from .bus.enabling import EnablingSwitchSection
-from .mechanism.mechanism import MechanismSection
-from .mechanism.torque import TorqueSection
-from .mechanism.touch import TouchSection
-from .moving import FramesSection
-from .null_space.potential import PotentialFieldSection
-from .null_space.priority import PrioritySection
-from .null_space.redundancy import RedundancySection
-from .obstacles import AvoidanceSection, ObstacleSection
-from .reflection import ReflectionSection
-from .rig.rig import RigSection
+from .bus import BusSection, EnablingSwitchSection
+from .mechanism import MechanismSection, TorqueSection, TouchSection
+from .network import ReflectionSection, ZenohSection
+from .null_space import PotentialFieldSection, PrioritySection, RedundancySection
+from .rig import RigSection
 from .section import Name, PoseSection, Section
-from .security import ZenohSection
-from .sensors.cameras import CameraSection
-from .sensors.scanner import ContourReflexSection, ScannerSection
-from .sources.schedule import ScheduleSection
-from .sources.sources import SourcesSection
+from .sources import ScheduleSection, SourcesSection
+from .surroundings import (
+    AvoidanceSection,
+    CameraSection,
+    ContourReflexSection,
+    FramesSection,
+    ObstacleSection,
+    ScannerSection,
+)
 
 
 class TimingSection(Section):

@@ -4,10 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .mechanism.mechanism import PayloadSection
+from .mechanism import PayloadSection
 from .section import Name, PoseSection, Section
-from .sources.schedule import ScheduleSection
-from .sources.sources import SourcesSection
+from .sources import ScheduleSection, SourcesSection
 
 Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
 """Beyond, one arm carries all: what is left of the others' shares is rounding."""

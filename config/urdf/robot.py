@@ -1,21 +1,34 @@
-"""The robot description: the serial chain of a URDF from its root link to the tip link.
-
-Only what the cell's drives are held against is read here; kinematics, inertias and shapes are for
-the libraries that compute with them. They are given a plain description: the chain's joints, all
-others fixed, and no meshes, which nothing that runs an arm reads.
-"""
+"""The robot description: the serial chain of a URDF, and the joints beside it."""
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from ..errors import ConfigError, nearest
-from ..schema.mechanism.mechanism import DriveSection, LinkInertialSection
-from .elements import check_bodies, check_elements, normalise, unshaped_links
-from .plain import balance, carriers, give_inertials, leave_out, mesh_links, refuse_xacro, simplify
+from ..schema.cell import CellConfig
+from ..schema.mechanism import DriveSection, LinkInertialSection
+from .elements import (
+    balance,
+    carriers,
+    check_bodies,
+    check_elements,
+    give_inertials,
+    leave_out,
+    mesh_links,
+    normalise,
+    refuse_xacro,
+    simplify,
+    unshaped_links,
+)
+
+# --- The robot description: the serial chain of a URDF from its root link to the tip link ---------
+#
+# Only what the cell's drives are held against is read here; kinematics, inertias and shapes are
+# for the libraries that compute with them. They are given a plain description: the chain's
+# joints, all others fixed, and no meshes, which nothing that runs an arm reads.
 
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
@@ -327,3 +340,104 @@ def _bound(where: str, key: str, value: float, told: float | None) -> float:
     if told is None:
         raise ConfigError(f"{where}: <limit {key}>: value {value:g}: must be above 0")
     return told
+
+
+# --- Joints of the URDF's root link beside the arm's chain: wheels before it, a sweep behind it ---
+
+
+def root_joint(where: str, robot: Robot, name: str) -> UrdfJoint:
+    """Return a joint of the root link; `where` is file and key that name it.
+
+    Raises `ConfigError`.
+    """
+    known = joints_of_root(robot.urdf)
+    if name not in known:
+        raise ConfigError(
+            f"{where}: value '{name}': no joint on the root link of {robot.urdf}"
+            f"{nearest(name, list(known))}"
+        )
+    return known[name]
+
+
+def beside_chain(
+    config: CellConfig,
+    robot: Robot,
+    before: tuple[UrdfJoint, ...] = (),
+    behind: tuple[UrdfJoint, ...] = (),
+    angle: float = 0.0,
+) -> tuple[CellConfig, Robot]:
+    """Return configuration and robot with more joints, at an angle [rad] in each posture.
+
+    A posture that has an angle for them already stays as it is.
+    """
+    n = len(robot.joints)
+    first, last = (angle,) * len(before), (angle,) * len(behind)
+    postures = {
+        name: (*first, *q, *last) if len(q) == n else q
+        for name, q in config.mechanism.postures.items()
+    }
+    mechanism = config.mechanism.model_copy(update={"postures": postures})
+    return (
+        config.model_copy(update={"mechanism": mechanism}),
+        replace(robot, joints=(*before, *robot.joints, *behind)),
+    )
+
+
+# --- The axis that sweeps: a joint of the URDF beside the chain, after all others -----------------
+
+
+def with_sweep(
+    path: Path, config: CellConfig, robot: Robot, words: Callable[[str], str]
+) -> tuple[CellConfig, Robot]:
+    """Return configuration and robot with the axis that sweeps as last joint, at its low end.
+
+    Both as they are where nothing sweeps. `words` turns a complaint about a mechanism's cell into
+    one that begins with the file's key. Raises `ConfigError`.
+    """
+    sweep = config.mechanism.sweep
+    if sweep is None:
+        return config, robot
+    where = f"{path}: {words('mechanism.sweep')}"
+    joint = root_joint(f"{where}.joint", robot, sweep.joint)
+    if joint.kind != "revolute":
+        raise ConfigError(f"{where}.joint: value '{sweep.joint}': must be of type revolute")
+    margin = next(
+        (d.position_margin for d in config.mechanism.drives if d.joint == sweep.joint), 0.0
+    )
+    for key, value in (("low", sweep.low), ("high", sweep.high)):
+        if not joint.lower + margin < value < joint.upper - margin:
+            raise ConfigError(
+                f"{where}.{key}: value {value:g}: must be inside of "
+                f"{joint.lower + margin:g} to {joint.upper - margin:g} of joint '{sweep.joint}'"
+            )
+    return beside_chain(config, robot, behind=(joint,), angle=sweep.low)
+
+
+# --- The wheels of a base: joints of the URDF beside the chain that turn for ever -----------------
+
+TURNS_FOR_EVER: Final = 1e9
+"""Wheels have no position limits: no command gets here [rad]."""
+
+
+def with_wheels(
+    path: Path, config: CellConfig, robot: Robot, words: Callable[[str], str]
+) -> tuple[CellConfig, Robot]:
+    """Return configuration and robot with the wheels as first joints, at angle 0 in each posture.
+
+    Both as they are where nothing rolls. `words` turns a complaint about a mechanism's cell into
+    one that begins with the file's key. Raises `ConfigError`.
+    """
+    base = config.mechanism.base
+    if base is None:
+        return config, robot
+    found = []
+    for side in ("left", "right"):
+        name = getattr(base.wheels, side)
+        where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
+        joint = root_joint(where, robot, name)
+        if joint.kind != "continuous" or axis_of(robot.urdf, name) != (0.0, 1.0, 0.0):
+            raise ConfigError(
+                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0"
+            )
+        found.append(replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER))
+    return beside_chain(config, robot, before=tuple(found))

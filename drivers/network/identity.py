@@ -11,7 +11,7 @@ from typing import Final
 
 from ...config.errors import ConfigError
 from ...config.load import Cell
-from ...config.schema.security import SECURE
+from ...config.schema.network import SECURE
 from ...protocols.roles import SERVERS, Grant
 from ...protocols.topics import Role
 from .certificates import AUTHORITY, Certificate, certificate, issued, match_key, read

@@ -17,8 +17,8 @@
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
 | slip | force_torque | the payload that arms hold together slips out of this one's grasp |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |
-| silence, drop, corrupt, crop | scanner | `nodes/sensors/scanner_node.py` |
-| cover | tag | nobody sees it (`physics/sensors/tags.py`) |
+| silence, drop, corrupt, crop | scanner | `sensors.py` |
+| cover | tag | nobody sees it (`sensors.py`) |
 | move | tag | `vector` [m] in World is its new place, its attitude stays |
 
 A device is a joint, whose drive is meant, `force_torque`, `gripper`, or another one's name; with
@@ -28,8 +28,7 @@ node's (`nodes/`), those of the connection its link's.
 
 from collections.abc import Mapping, Sequence
 
-from ...protocols.messages.rig import RigFault
-from .fault_values import MOST_FORCE, value_of, vector_of
+from ...protocols.messages.rig import MOST_FORCE, RigFault, value_of, vector_of
 from .nodes.node import Node
 from .nodes.wire import Wire
 from .physics.world import World

@@ -13,7 +13,7 @@ from typing import Protocol
 import can
 
 from ...protocols.canopen.can301 import SYNC_ID
-from ...protocols.messages.perception.moving import RigMotion
+from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
 from .rig import Rig
 

@@ -11,26 +11,24 @@ from importlib import import_module
 import can
 
 from ...config.load import Cell
-from ...config.schema.bus.on_bus import Entry
+from ...config.schema.bus import Entry
 from ...protocols.messages.messages import Vector6
-from ...protocols.messages.perception.moving import RigMotion
-from ...protocols.messages.rig import ArmTruth, BeamTruth, RigFault, RigTruth
+from ...protocols.messages.perception import RigMotion
+from ...protocols.messages.rig import FARTHEST, ArmTruth, BeamTruth, RigFault, RigTruth, vector_of
 from ..kinds import KINDS as DEVICES
-from .fault_values import FARTHEST, vector_of
 from .faults import Faults
-from .nodes.bench import Bench
 from .nodes.drive_loops import DriveLoops
-from .nodes.node import Node
-from .nodes.sensors.scanner_node import NAME as SCANNER
-from .nodes.sensors.scanner_node import SimulatedScanner
-from .nodes.servo.servo_node import SimulatedDrive
+from .nodes.node import Bench, Node
+from .nodes.sensors import NAME as SCANNER
+from .nodes.sensors import SimulatedScanner
+from .nodes.servo import SimulatedDrive
 from .nodes.wire import Wire
-from .physics.bodies.beam import Beam
-from .physics.clearance.sight import SightLines
+from .physics.beam import Beam
+from .physics.clearance import SightLines
 from .physics.geoms import quaternion
 from .physics.movers import Movers
 from .physics.scene import prefixes, turned_by
-from .physics.sensors.tags import KINDS, Tags
+from .physics.sensors import KINDS, Tags
 from .physics.world import Vector, World
 
 SYNC_STAMPS = 1 << 16

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from .opencv import cv2, dictionary
 
 Picture = NDArray[np.uint8]

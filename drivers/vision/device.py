@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from ..device import DeviceError
 from .opencv import cv2
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import TagFamily
+from ...config.schema.surroundings import TagFamily
 from ..device import DeviceError
 
 try:

@@ -10,16 +10,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from ...protocols import topics as t
 from ...protocols.codec import encode
-from ...protocols.messages.perception.camera_picture import (
+from ...protocols.messages.perception import (
     LARGEST_FRAME,
     LARGEST_JPEG,
     CameraPicture,
+    Sighting,
     VideoPiece,
 )
-from ...protocols.messages.perception.sightings import Sighting
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import State
 from ..device import DeviceError

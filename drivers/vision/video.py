@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from ..device import DeviceError
 
 CODEC: Final = "libx264"

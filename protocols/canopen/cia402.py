@@ -1,13 +1,16 @@
-"""Drive profile (CiA 402-2, IEC 61800-7-201): state machine and objects. Pure.
+"""Drive profile (CiA 402-2, IEC 61800-7-201): state machine, objects, PDOs and counters. Pure."""
 
-Both sides of the bus use it: the driver decodes statuswords and steps the controlword, the
-simulated drive applies controlwords and builds statuswords. `cia402_pdo.py` has the cyclic PDOs.
-"""
-
+import struct
 from enum import Enum, IntEnum, auto
-from typing import Final
+from typing import Final, NamedTuple
 
-from .can301 import FrameError
+from .can301 import FrameError, mapping_entry
+
+# --- Drive profile (CiA 402-2, IEC 61800-7-201): state machine and objects. Pure ------------------
+#
+# Both sides of the bus use it: the driver decodes statuswords and steps the controlword, the
+# simulated drive applies controlwords and builds statuswords. `cia402.py` has the cyclic
+# PDOs.
 
 
 class Object(IntEnum):
@@ -218,3 +221,142 @@ def apply_controlword(state: DriveState, previous_controlword: int, controlword:
 def supports_mode(supported_modes: int, mode: OperationMode) -> bool:
     """Return whether the bits of 6502h contain a mode: mode n is bit n − 1."""
     return bool(supported_modes >> (mode - 1) & 1)
+
+
+# --- PDOs of a CiA 402 drive: mappings, and bytes to and from setpoints and feedback --------------
+#
+# The cyclic PDOs of this system are
+#
+#     RPDO1   6040h controlword u16, 607Ah target position i32         6 bytes   (CSP)
+#     RPDO1   6040h controlword u16, 60FFh target velocity i32         6 bytes   (CSV)
+#     RPDO1   6040h controlword u16, 6071h target torque i16           4 bytes   (CST)
+#     TPDO1   6041h statusword u16, 6064h position i32, 6077h torque i16   8 bytes
+#
+# little-endian, at every SYNC.
+
+CSP_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_POSITION, 0, 32),
+)
+CSV_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_VELOCITY, 0, 32),
+)
+CST_MAPPING: Final = (
+    mapping_entry(Object.CONTROLWORD, 0, 16),
+    mapping_entry(Object.TARGET_TORQUE, 0, 16),
+)
+COMMAND_MAPPING: Final = {
+    OperationMode.CSP: CSP_MAPPING,
+    OperationMode.CSV: CSV_MAPPING,
+    OperationMode.CST: CST_MAPPING,
+}
+"""Contents of RPDO1 in each operation mode."""
+FEEDBACK_MAPPING: Final = (
+    mapping_entry(Object.STATUSWORD, 0, 16),
+    mapping_entry(Object.POSITION_ACTUAL, 0, 32),
+    mapping_entry(Object.TORQUE_ACTUAL, 0, 16),
+)
+
+_CSP: Final = struct.Struct("<Hi")
+_CST: Final = struct.Struct("<Hh")
+_FEEDBACK: Final = struct.Struct("<Hih")
+
+
+class CspCommand(NamedTuple):
+    """RPDO1 in CSP: controlword, target position [counts]."""
+
+    controlword: int
+    target_position: int
+
+
+class CsvCommand(NamedTuple):
+    """RPDO1 in CSV: controlword, target velocity [counts/s]."""
+
+    controlword: int
+    target_velocity: int
+
+
+class CstCommand(NamedTuple):
+    """RPDO1 in CST: controlword, target torque [1/1000 of the rated torque]."""
+
+    controlword: int
+    target_torque: int
+
+
+class Feedback(NamedTuple):
+    """TPDO1: statusword, position [counts], torque [1/1000 of the rated torque]."""
+
+    statusword: int
+    position: int
+    torque: int
+
+
+def pack_csp(controlword: int, target_position: int) -> bytes:
+    """Return the 6 bytes of RPDO1 in CSP. Raises `struct.error` outside 32 bits."""
+    return _CSP.pack(controlword, target_position)
+
+
+def unpack_csp(data: bytes) -> CspCommand:
+    """Return what RPDO1 in CSP says. Raises `FrameError` unless it is 6 bytes."""
+    return CspCommand(*_unpack(_CSP, data, "RPDO1 (CSP)"))
+
+
+def pack_csv(controlword: int, target_velocity: int) -> bytes:
+    """Return the 6 bytes of RPDO1 in CSV. Raises `struct.error` outside 32 bits."""
+    return _CSP.pack(controlword, target_velocity)
+
+
+def unpack_csv(data: bytes) -> CsvCommand:
+    """Return what RPDO1 in CSV says. Raises `FrameError` unless it is 6 bytes."""
+    return CsvCommand(*_unpack(_CSP, data, "RPDO1 (CSV)"))
+
+
+def pack_cst(controlword: int, target_torque: int) -> bytes:
+    """Return the 4 bytes of RPDO1 in CST. Raises `struct.error` outside 16 bits."""
+    return _CST.pack(controlword, target_torque)
+
+
+def unpack_cst(data: bytes) -> CstCommand:
+    """Return what RPDO1 in CST says. Raises `FrameError` unless it is 4 bytes."""
+    return CstCommand(*_unpack(_CST, data, "RPDO1 (CST)"))
+
+
+def pack_feedback(statusword: int, position: int, torque: int) -> bytes:
+    """Return the 8 bytes of TPDO1. Raises `struct.error` outside the fields' widths."""
+    return _FEEDBACK.pack(statusword, position, torque)
+
+
+def unpack_feedback(data: bytes) -> Feedback:
+    """Return what TPDO1 says. Raises `FrameError` unless it is 8 bytes."""
+    return Feedback(*_unpack(_FEEDBACK, data, "TPDO1"))
+
+
+def _unpack(layout: struct.Struct, data: bytes, frame: str) -> tuple[int, ...]:
+    if len(data) != layout.size:
+        raise FrameError(f"{frame}: {len(data)} bytes instead of {layout.size}")
+    return layout.unpack(data)
+
+
+# --- A drive's position counter of 32 bits: what turns for ever makes it wrap ---------------------
+
+SPAN: Final = 1 << 32
+HALF: Final = 1 << 31
+
+
+def wrapped(counts: int) -> int:
+    """Return counts as a counter of 32 bits, with a sign, has them."""
+    return (counts + HALF) % SPAN - HALF
+
+
+class Unwrapped:
+    """Counts of a joint that turns for ever: between two readings it goes the shorter way."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+
+    def take(self, counts: int) -> int:
+        """Return a reading without the wraps since the first one."""
+        last = counts if self._last is None else self._last
+        self._last = last + wrapped(counts - last)
+        return self._last

@@ -32,7 +32,7 @@ CentreOfMass = tuple[_Lever, _Lever, _Lever]
 class LeaseRequest(Message):
     """Asks for the right to command, with a public key that is made for this lease.
 
-    The reply carries the daemon's and the epoch; `agreement.py` says how they make the secret.
+    The reply carries the daemon's and the epoch; `proof.py` says how they make the secret.
     """
 
     operator: OperatorName

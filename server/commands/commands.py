@@ -1,38 +1,400 @@
-"""Commands in force: streams with their age, goals, the desired wrench, settings and frames.
-
-Streams are true only now and expire; goals stay until replaced, cancelled, or the lease ends.
-Nothing is queued: the newest command of a kind is the only one.
-"""
+"""Commands in force: streams with their age, goals, the desired wrench, settings and frames."""
 
 from collections.abc import Callable
-from typing import Final, Self
+from dataclasses import replace
+from typing import Final, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
+from ...config.drives import JointBounds, joint_bounds
 from ...config.load import Cell
-from ...protocols.messages import drive, motion
+from ...config.schema.mechanism import BackboneSection, DifferentialBaseSection
+from ...protocols.messages import messages as drive
 from ...protocols.messages import messages as m
-from ...protocols.messages.perception import moving
+from ...protocols.messages import messages as motion
+from ...protocols.messages import perception as moving
+from ...protocols.messages.messages import Drive, Frame, Insert, PathRequest
 from ...protocols.topics import TOPICS, Flow
-from ..control.frame_tree import GROUNDS, UnknownFrame
-from ..control.spatial import Pose
+from ..control.backbone.fit import Chain
+from ..control.backbone.insertion import STILL, DriveRequest
+from ..control.scene import GROUNDS, FrameTree, UnknownFrame
+from ..control.spatial import Array, Pose, rotate_twist
 from ..control.state import Output, Settings
-from ..control.task.asked import StickCommand
-from ..control.task.paths.goals import Goal, PathGoal, Pursuit
-from ..reflection.force_reflection import Reflector
+from ..control.task.source import Goal, PathGoal, Pursuit, StickCommand
+from ..reflection import Reflector
 from ..refusals import Refused, Why
-from ..stability.gains import LoopBounds
-from .clutch import Master
-from .driving import DriveCommands, drive_commands
-from .frames.frame_set import FrameSet
-from .frames.placement import path_goal, placed
-from .goals import Goals
-from .haptic_handle import HapticHandle, reflector_of
-from .in_force import InForce
-from .joint_commands import JointCommands
+from ..stability.judgement import LoopBounds
+from .frames import FrameSet, path_goal, placed, wrench_kept
+from .haptics import HapticHandle, Master, reflector_of
 from .settings import CellSettings, OperatorSettings
-from .streams import Stream
-from .wrench_goal import WrenchGoal
+
+# --- The commands that one tick acts on -----------------------------------------------------------
+
+
+class InForce(NamedTuple):
+    """The commands in force at one instant; see `Inputs` of the tick."""
+
+    settings: Settings
+    stick: StickCommand | None
+    """None once its news is too old, and while the clutch is disengaged."""
+    jog: Array | None
+    """Joint rates (n,) [rad/s]; None once their news is too old."""
+    goal: Goal | None
+    paused: bool
+    posture: Array | None
+    """Joint angles (n,) to go to [rad]."""
+    at_posture: bool
+    wrench_desired: Array
+    """At the MRF (6,) [N, N·m]."""
+    R_world_wrench: Array | None
+    """Axes (3, 3) of the desired wrench in World, None for the MRF's."""
+    ground: str
+    """The frame that motion is relative to."""
+    T_wrist_goal: Pose
+    """The point of the tool that is led to the goal."""
+    drive: DriveRequest
+    """How an arm in tunnels is driven."""
+
+
+# --- Streams: commands that hold only while they are news, as a stick's twist ---------------------
+
+MessageT = TypeVar("MessageT", bound=m.Command)
+
+
+class Stream(Generic[MessageT]):
+    """The newest message of one stream; it is in force for `timeout_s` after it came."""
+
+    def __init__(self, timeout_s: float) -> None:
+        self._timeout_s = timeout_s
+        self._newest: MessageT | None = None
+        self._since_s = 0.0
+
+    def take(self, message: MessageT, now_s: float) -> None:
+        """Put a message in force."""
+        self._newest, self._since_s = message, now_s
+
+    def newest(self, now_s: float) -> MessageT | None:
+        """Return the message in force, None once it is too old."""
+        return None if now_s - self._since_s > self._timeout_s else self._newest
+
+    def expire(self, now_s: float) -> MessageT | None:
+        """Forget a message that is too old and return it; None where there is none."""
+        if self._newest is None or self.newest(now_s) is not None:
+            return None
+        expired, self._newest = self._newest, None
+        return expired
+
+    def clear(self) -> None:
+        """Forget the message."""
+        self._newest = None
+
+
+# --- Commands that drive an arm into its tunnels and out: a stream of speed, or a depth to go to
+
+
+class InsertionCommands:
+    """How the operator drives one arm; without a backbone every command is refused."""
+
+    def __init__(self, backbone: BackboneSection | None, length: float, timeout_s: float) -> None:
+        """Build it for an arm of a length from its first joint to its tip [m]."""
+        self._backbone, self._length = backbone, length
+        self._stream = Stream[Drive](timeout_s)
+        self._goal: DriveRequest | None = None
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self:
+        """Return those of a cell's mechanism. Raises `ConfigError` where it is no chain."""
+        backbone, timeout_s = cell.config.mechanism.backbone, cell.config.timing.stream_timeout_s
+        return cls(backbone, Chain.from_cell(cell).length if backbone else 0.0, timeout_s)
+
+    def take(self, message: Drive | Insert, now_s: float, _T: Pose) -> None:
+        """Put a speed or a depth in force; each ends the other, but for a speed of 0.
+
+        Raises `Refused`.
+        """
+        if self._backbone is None:
+            raise Refused(Why.UNKNOWN_MECHANISM, "the mechanism has no backbone to be inserted")
+        if isinstance(message, Drive):
+            self._take_drive(message, now_s, self._backbone)
+        else:
+            self._take_goal(message, self._backbone)
+
+    def _take_drive(self, message: Drive, now_s: float, backbone: BackboneSection) -> None:
+        if len(message.rates) != 1:
+            raise Refused(Why.OUT_OF_RANGE, f"rates: {len(message.rates)} values: one is expected")
+        if abs(message.rates[0]) > backbone.speed * (1 + 1e-9):
+            raise Refused(
+                Why.OUT_OF_RANGE,
+                f"rates: {message.rates[0]:g} m/s: at most {backbone.speed:g} either way",
+            )
+        if message.rates[0]:
+            self._goal = None
+        self._stream.take(message, now_s)
+
+    def _take_goal(self, message: Insert, backbone: BackboneSection) -> None:
+        deepest = self._length - backbone.least
+        if message.depth > deepest + 1e-9:
+            raise Refused(Why.OUT_OF_RANGE, f"depth: {message.depth:g} m: at most {deepest:.4f} m")
+        self._stream.clear()
+        self._goal = DriveRequest(
+            min(message.speed or backbone.speed, backbone.speed), message.depth
+        )
+
+    def newest(self, now_s: float) -> DriveRequest:
+        """Return what is in force now."""
+        if self._goal is not None:
+            return self._goal
+        message = self._stream.newest(now_s)
+        return STILL if message is None else DriveRequest(message.rates[0])
+
+    def expired(self, now_s: float) -> bool:
+        """Return whether a drive fell silent that was to move, and forget it."""
+        message = self._stream.expire(now_s)
+        return message is not None and any(message.rates)
+
+    def drop(self) -> None:
+        """Drop the goal."""
+        self._goal = None
+
+    def clear(self) -> None:
+        """Drop goal and stream."""
+        self._stream.clear()
+        self._goal = None
+
+
+# --- The command that drives a base on wheels: a stream of its speed ahead and about its axis -----
+
+
+class BaseCommands:
+    """How the operator drives one base."""
+
+    def __init__(self, base: DifferentialBaseSection, timeout_s: float) -> None:
+        """Build it; a drive is in force for `timeout_s` after it came."""
+        self._base = base
+        self._stream = Stream[Drive](timeout_s)
+
+    def take(self, message: Drive | Insert, now_s: float, _T: Pose) -> None:
+        """Put a drive in force. Raises `Refused`."""
+        if isinstance(message, Insert):
+            raise Refused(Why.UNKNOWN_MECHANISM, "the mechanism has no backbone to be inserted")
+        rates, base = message.rates, self._base
+        if len(rates) != 2:
+            raise Refused(Why.OUT_OF_RANGE, f"rates: {len(rates)} values: two are expected")
+        each = zip(rates, (base.speed, base.angular_speed), ("m/s", "rad/s"), strict=True)
+        for i, (value, most, unit) in enumerate(each):
+            if abs(value) > most * (1 + 1e-9):
+                words = f"rates[{i}]: {value:g} {unit}: at most {most:g} either way"
+                raise Refused(Why.OUT_OF_RANGE, words)
+        self._stream.take(message, now_s)
+
+    def newest(self, now_s: float) -> DriveRequest:
+        """Return what is in force now."""
+        message = self._stream.newest(now_s)
+        return STILL if message is None else DriveRequest(message.rates[0], turn=message.rates[1])
+
+    def expired(self, now_s: float) -> bool:
+        """Return whether a drive fell silent that was to move, and forget it."""
+        message = self._stream.expire(now_s)
+        return message is not None and any(message.rates)
+
+    def drop(self) -> None:
+        """Keep the drive: it is no goal."""
+
+    def clear(self) -> None:
+        """Forget the drive."""
+        self._stream.clear()
+
+
+DriveCommands = BaseCommands | InsertionCommands
+"""How the operator drives a mechanism as a whole."""
+
+
+def drive_commands(cell: Cell) -> DriveCommands:
+    """Return those of a cell's mechanism: of its base, or into its tunnels."""
+    base = cell.config.mechanism.base
+    if base is None:
+        return InsertionCommands.from_cell(cell)
+    return BaseCommands(base, cell.config.timing.stream_timeout_s)
+
+
+# --- Goals: where the arm is to go. They hold until they are replaced, cancelled or reached -------
+
+
+class Goals:
+    """The newest goal, of which there is one: a path, the pursuit of a master, or a posture."""
+
+    def __init__(self, T_wrist_mrf: Pose) -> None:
+        self.goal: Goal | None = None
+        """Path or pursuit; poses in it are in World, or on `ground`."""
+        self.ground = "world"
+        """The frame that the goal is measured against."""
+        self.T_wrist_goal = T_wrist_mrf
+        """The point of the tool that is led to the goal: the MRF that it was commanded for."""
+        self.paused = False
+        self.posture: Array | None = None
+        """Joint angles (n,) to go to [rad]."""
+        self.posture_reached = False
+        self.idle = True
+        """Nothing was asked for since the arm was enabled."""
+        self._serial = 0
+
+    @property
+    def at_rest(self) -> bool:
+        """True where no self-motion is to lead the arm away: at a posture, or not asked at all."""
+        return self.idle or self.posture_reached
+
+    @property
+    def pursuing(self) -> bool:
+        """True while a master's pose leads the MRF."""
+        return isinstance(self.goal, Pursuit)
+
+    def next_serial(self) -> int:
+        """Return a number that no goal has had."""
+        self._serial += 1
+        return self._serial
+
+    def lead_to(self, goal: Goal, ground: str, T_wrist_goal: Pose) -> None:
+        """Replace the goal by a path or a pursuit on a ground, for a point of the tool."""
+        self.drop()
+        self.goal, self.ground, self.T_wrist_goal = goal, ground, T_wrist_goal
+
+    def take_posture(self, q: Array) -> None:
+        """Replace the goal by a posture (n,) [rad]."""
+        self.drop()
+        self.posture = q
+
+    def pursue(self, target: Pose | None) -> None:
+        """Let a pursuit lead to a new target; None: nowhere, come to rest."""
+        if isinstance(self.goal, Pursuit):
+            self.goal = replace(self.goal, T_world_target=target)
+
+    def drop(self) -> None:
+        """Drop the goal, whatever it is."""
+        self.goal = self.posture = None
+        self.posture_reached = self.paused = False
+
+    def leave_posture(self) -> None:
+        """Give up a posture for a motion that begins where the arm is now."""
+        self.posture, self.posture_reached = None, False
+
+    def finish_posture(self) -> None:
+        """End a posture that is reached: the other sources may act again."""
+        self.posture, self.posture_reached = None, True
+
+    def led_by_hand(self) -> None:
+        """Note that a hand moves the tool, as a stick does: the arm is at no posture any more."""
+        self.posture_reached = self.idle = False
+
+    def control_path(self, request: PathRequest) -> None:
+        """Pause, resume or abort the path. Raises `Refused` where none is under way."""
+        if self.goal is None or self.pursuing:
+            raise Refused(Why.NOT_NOW, "no path is under way")
+        if request.action == "abort":
+            self.goal = None
+        self.paused = request.action == "pause"
+
+    def restart_path(self) -> None:
+        """Let the path to the target begin anew from where the arm is."""
+        if self.goal is not None:
+            self.goal = replace(self.goal, attempt=self.goal.attempt + 1)
+
+    def placed_target(self, T_wrist_mrf: Pose) -> tuple[str, Pose] | None:
+        """Return the target's ground and the pose of an MRF there; None without a target."""
+        T = None if self.goal is None else self.goal.T_world_target
+        if T is None or T_wrist_mrf is self.T_wrist_goal:
+            return None if T is None else (self.ground, T)
+        return self.ground, T @ (self.T_wrist_goal.inverse() @ T_wrist_mrf)
+
+
+# --- The wrench that the arm is to exert: its value, and the frame in whose axes it is given ------
+
+
+class WrenchGoal:
+    """A wrench at the MRF (6,) [N, N·m]; zero at first. It holds until replaced or cleared."""
+
+    def __init__(self) -> None:
+        self.value = np.zeros(6)
+        self._frame = Frame.MRF
+
+    def set(self, value: Array, expressed_in: Frame) -> None:
+        """Put a wrench (6,) in the axes of a frame in force."""
+        self.value, self._frame = value, expressed_in
+
+    def cancel(self) -> None:
+        """Exert nothing, in the same axes."""
+        self.value = np.zeros(6)
+
+    def axes(self, tree: FrameTree) -> Array | None:
+        """Return its axes (3, 3) in World, None for the MRF's."""
+        return None if self._frame is Frame.MRF else tree.pose(self._frame).R
+
+    def carry_mrf(self, T_old_new: Pose, before: FrameTree) -> None:
+        """Keep the same load when the MRF is redefined; `before` has the frames of before."""
+        axes = None
+        if self._frame is not Frame.MRF:
+            axes = before.pose(self._frame, Frame.MRF).R
+        self.value = wrench_kept(self.value, T_old_new, axes)
+
+    def carry_crf(self, R_world_crf: Array, before: FrameTree) -> None:
+        """Keep the same load when the CRF is redefined; `before` has the frames of before."""
+        if self._frame is Frame.CRF:
+            turn = R_world_crf.T @ before.pose("crf").R
+            self.value = rotate_twist(turn, self.value)
+
+
+# --- Checks of commands that are given joint by joint ---------------------------------------------
+
+
+class JointCommands:
+    """The joints of one cell, and the angles and rates that may be asked of them."""
+
+    def __init__(self, names: tuple[str, ...], bounds: JointBounds, velocity: Array) -> None:
+        self._names, self._velocity = names, velocity
+        self._lower, self._upper = np.array(bounds.lower), np.array(bounds.upper)
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self:
+        """Return those of a cell's mechanism."""
+        joints, drives = cell.robot.joints, cell.config.mechanism.drives
+        velocity = np.array([drive.max_velocity for drive in drives])
+        return cls(tuple(j.name for j in joints), joint_bounds(joints, drives), velocity)
+
+    def check_rates(self, rates: tuple[float, ...]) -> None:
+        """Raise `Refused` for rates (n,) [rad/s] that no drive may be told."""
+        asked = self._vector(rates, "rates")
+        beyond = np.abs(asked) > self._velocity * (1 + 1e-9)
+        if beyond.any():
+            j = int(np.argmax(beyond))
+            raise Refused(
+                Why.OUT_OF_RANGE,
+                f"rates: {self._names[j]} {asked[j]:g} rad/s, at most {self._velocity[j]:g}",
+            )
+
+    def angles(self, q: tuple[float, ...]) -> Array:
+        """Return a posture (n,) [rad]. Raises `Refused` for one outside the joints' bounds."""
+        asked = self._vector(q, "q")
+        beyond = (asked < self._lower) | (asked > self._upper)
+        if beyond.any():
+            j = int(np.argmax(beyond))
+            raise Refused(
+                Why.OUT_OF_RANGE,
+                f"q: {self._names[j]} {asked[j]:g} rad, between "
+                f"{self._lower[j]:.4f} and {self._upper[j]:.4f}",
+            )
+        return asked
+
+    def _vector(self, values: tuple[float, ...], field: str) -> Array:
+        if len(values) != len(self._names):
+            raise Refused(
+                Why.WRONG_JOINTS, f"{field}: {len(values)} values for {len(self._names)} joints"
+            )
+        return np.array(values)
+
+
+# --- Commands in force: streams with their age, goals, the desired wrench, settings and frames ----
+#
+# Streams are true only now and expire; goals stay until replaced, cancelled, or the lease ends.
+# Nothing is queued: the newest command of a kind is the only one.
 
 _TOPIC: Final[dict[type[m.Message], str]] = {
     topic.message: topic.key for topic in TOPICS if topic.flow is Flow.COMMAND

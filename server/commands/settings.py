@@ -8,17 +8,17 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...config.schema.cell import CellConfig
-from ...config.schema.null_space.redundancy import OBJECTIVES, ObjectivesSection
+from ...config.schema.null_space import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
-from ...protocols.messages.motion import RedundancyRequest
-from ..control.mechanism.null_space.redundancy import ObjectiveGains
-from ..control.mechanism.payload import Payload
+from ...protocols.messages.messages import RedundancyRequest
+from ..control.mechanism.redundancy import ObjectiveGains
+from ..control.mechanism.wrench import Payload
 from ..control.spatial import Array, Pose
 from ..control.state import Settings
 from ..refusals import Refused, Why
-from ..stability.force_loop import GainVector
-from ..stability.gains import WRENCH_SOURCES, LoopBounds, Verdict
-from .frames.frame_set import FrameSet
+from ..stability.judgement import WRENCH_SOURCES, LoopBounds, Verdict
+from ..stability.loops import GainVector
+from .frames import FrameSet
 
 OFF = np.zeros(6)
 """Gain (6,) of a source that is switched off."""

@@ -1,19 +1,4 @@
-"""Loops over small arrays, compiled to machine code: what numpy's cost per call is too much for.
-
-A kernel is a plain function of arrays and numbers. `@compiled(...)` states the types of its
-arguments, so that it is compiled once, before the first tick, and never during one: an argument of
-another type is a TypeError. Results are the same on every run; nothing is reassociated.
-
-Rules, which `tests/server/control/test_compiled.py` holds:
-
-- A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
-  and made anew when that file changes, not when another one does.
-- Indices are checked: one out of bounds is an IndexError.
-
-Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times the
-machine code, which a tick finds cold. What a tick calls writes to arrays that its caller made
-(`ROW`, `TABLE`): an array that is returned costs more than a call.
-"""
+"""Loops over small arrays, compiled to machine code; and changed copies of records, quickly."""
 
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar
@@ -22,6 +7,23 @@ import numba
 from numba import types
 
 from .compilation import tell
+
+# --- Loops over small arrays, compiled to machine code: what numpy's cost per call is too much for
+#
+# A kernel is a plain function of arrays and numbers. `@compiled(...)` states the types of its
+# arguments, so that it is compiled once, before the first tick, and never during one: an
+# argument of another type is a TypeError. Results are the same on every run; nothing is
+# reassociated.
+#
+# Rules, which `tests/server/control/test_compiled.py` holds:
+#
+# - A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
+#   and made anew when that file changes, not when another one does.
+# - Indices are checked: one out of bounds is an IndexError.
+#
+# Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times
+# the machine code, which a tick finds cold. What a tick calls writes to arrays that its caller
+# made (`ROW`, `TABLE`): an array that is returned costs more than a call.
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -98,3 +100,24 @@ def compiled(
         return kernel
 
     return decorate
+
+
+# --- A changed copy of a frozen dataclass, quickly: the tick makes a dozen of them ----------------
+
+T = TypeVar("T")
+
+
+def evolve(value: T, **changes: Any) -> T:
+    """Return a copy of a frozen dataclass with some fields changed.
+
+    As `dataclasses.replace`, at a fifth of its cost; for dataclasses without slots and without
+    `__post_init__`. Raises `TypeError` for a field that there is not.
+    """
+    copy = object.__new__(type(value))
+    fields = copy.__dict__
+    fields |= value.__dict__
+    fields |= changes
+    if len(fields) != len(value.__dict__):
+        unknown = ", ".join(sorted(changes.keys() - value.__dict__.keys()))
+        raise TypeError(f"{type(value).__name__} has no field {unknown}")
+    return copy

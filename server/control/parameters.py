@@ -4,19 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config.drives.joint_bounds import joint_bounds
+from ...config.drives import joint_bounds
 from ...config.load import Cell
 from ...config.schema.cell import CellConfig, LimitsSection, ResolveSection
-from ...config.schema.mechanism.torque import TorqueSection
-from ...config.schema.mechanism.touch import TouchSection
-from ...config.schema.null_space.potential import PotentialFieldSection
-from ...config.schema.null_space.redundancy import RedundancySection
-from ...config.schema.obstacles import AvoidanceSection
-from ...config.schema.sources.schedule import ScheduleSection
-from ...config.schema.sources.sources import SourcesSection
+from ...config.schema.mechanism import TorqueSection, TouchSection
+from ...config.schema.null_space import PotentialFieldSection, RedundancySection
+from ...config.schema.sources import ScheduleSection, SourcesSection
+from ...config.schema.surroundings import AvoidanceSection
 from .joints import Joints
-from .mechanism.null_space.priority import Priority
-from .mechanism.payload import Payload
+from .mechanism.redundancy import Priority
+from .mechanism.wrench import Payload
 from .proximity.capsules import Capsules
 from .scene import Flags
 from .spatial import Array, Pose

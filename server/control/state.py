@@ -10,27 +10,20 @@ from typing import NamedTuple
 import numpy as np
 
 from .actuation.torque import TorqueState
+from .backbone.insertion import STILL, DriveRequest, Insertion
 from .barriers.clearance import Gap, Levels, Shown
-from .barriers.resisted import Resistance
-from .frame_tree import Moved
+from .barriers.rows import Resistance
 from .grasps.held import Held, Holding
-from .hold.pushed import Pushed
-from .hold.retreat import RetreatState
-from .hold.standing import Station
-from .mechanism.backbone.insertion import STILL, DriveRequest, Insertion
-from .mechanism.joint_motion import NOTHING, Beside
-from .mechanism.null_space.potential_field import FieldReading
-from .mechanism.null_space.priority import Near
-from .mechanism.null_space.redundancy import ObjectiveGains, SelfMotion
-from .mechanism.payload import Payload
-from .mechanism.wrist import WristMemory
-from .scene import Scene
-from .spatial import Array, Pose
-from .stop.motion import Motion
-from .stop.way_to_rest import Stop
-from .task.asked import StickCommand, ViewGoal
-from .task.paths.goals import Goal
-from .task.paths.leading import Progress
+from .hold import Pushed, RetreatState, Station
+from .mechanism.field import FieldReading
+from .mechanism.joint_rates import NOTHING, Beside
+from .mechanism.redundancy import Near, ObjectiveGains, SelfMotion
+from .mechanism.wrench import Payload, WristMemory
+from .scene import Moved, Scene
+from .spatial import Array, Motion, Pose
+from .stop.profile import Stop
+from .task.position import Progress
+from .task.source import Goal, StickCommand, ViewGoal
 from .task.task import TaskMemory
 
 

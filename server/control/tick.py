@@ -4,7 +4,7 @@
        ▲                                  ▲               ▲              │
        └── poses, wrench                  └ objectives    └ joint limits └ verified stop
 
-Sums are made for each task and resolved for each mechanism (`arm/`). What of that is granted is
+Sums are made for each task and resolved for each mechanism (`arm.py`). What of that is granted is
 decided once, for all joints of the cell together: one programme of barriers, one limiter with one
 verified stop, one gate. So what stops one arm stops them all, and two arms keep clear of each other
 as of anything else.
@@ -19,18 +19,16 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from .arm.arm import Arm
-from .arm.asking import ArmReading, Wanted
+from .arm import Arm
+from .asking import ArmReading, Wanted
 from .barriers.barriers import Allow, Allowed, Clear, Surroundings
-from .barriers.collision import Guard, Watch
-from .joint_task.several import JointTasks, On, finish, members_of
+from .barriers.clearance import Guard, Watch
+from .joint_task.joint_task import JointTasks, On, finish, members_of
 from .joints import Joints, joined
-from .spatial import Array
+from .spatial import Array, Motion
 from .state import Inputs, Intent, Memory, Output
-from .stop.gate import Gate
-from .stop.limiter import Judge, Limited, Limiter
-from .stop.motion import Motion
-from .stop.way_to_rest import Stop
+from .stop.limiter import Gate, Judge, Limited, Limiter
+from .stop.profile import Stop
 
 
 class Control:

@@ -1,22 +1,58 @@
-"""Admission of every command and request: proof of the lease, order, and freshness.
-
-Refused are: a command that does not prove the lease, is of an old epoch or out of order; bytes
-that are no message; a command based on a snapshot older than the cell allows or older than the last
-enable. So a command that was queued anywhere on its way is dead, not late; and no clocks are
-compared. Proof comes first: nothing that lacks it is decoded.
-"""
+"""Admission of every command and request: the lease and its proof, order, and freshness."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ...protocols.agreement import KeyPair
 from ...protocols.codec import CodecError, decode
 from ...protocols.messages import requests
 from ...protocols.messages.messages import Command, Message
-from ...protocols.proof import PROOF_BYTES, Proof
+from ...protocols.proof import PROOF_BYTES, KeyPair, Proof
 from ...protocols.topics import LEASE, Flow, Topic
 from ..refusals import Refused, Why
-from .lease import Lease
+
+# --- The right to command: held by one operator at a time, renewed or lost. Pure ------------------
+
+
+@dataclass(frozen=True)
+class Lease:
+    """The holder of the right to command and its end; `epoch` counts every lease ever granted."""
+
+    holder: str | None = None
+    secret: bytes = b""
+    epoch: int = 0
+    expires_s: float = 0.0
+
+    def alive(self, now_s: float) -> bool:
+        """Return whether somebody holds the lease now."""
+        return self.holder is not None and now_s < self.expires_s
+
+    def granted(self, operator: str, secret: bytes, now_s: float, timeout_s: float) -> "Lease":
+        """Return the lease of a new holder, with a new epoch."""
+        return Lease(operator, secret, self.epoch + 1, now_s + timeout_s)
+
+    def renewed(self, now_s: float, timeout_s: float) -> "Lease":
+        """Return the same lease, good for another timeout."""
+        return replace(self, expires_s=now_s + timeout_s)
+
+    def ended(self) -> "Lease":
+        """Return the lease that nobody holds."""
+        return Lease(epoch=self.epoch)
+
+    def proven_by(self, proof: Proof, key: str, payload: bytes) -> bool:
+        """Return whether the holder made this proof, for this payload on this full key."""
+        return (
+            self.holder is not None
+            and proof.epoch == self.epoch
+            and proof.holds(self.secret, key, payload)
+        )
+
+
+# --- Admission of every command and request: proof of the lease, order, and freshness -------------
+#
+# Refused are: a command that does not prove the lease, is of an old epoch or out of order;
+# bytes that are no message; a command based on a snapshot older than the cell allows or older
+# than the last enable. So a command that was queued anywhere on its way is dead, not late; and
+# no clocks are compared. Proof comes first: nothing that lacks it is decoded.
 
 FIRST_SEQ = 2**48
 """A lease's first sequence number is below this [1]."""

@@ -1,22 +1,111 @@
-"""The operators' network: its interface to the daemon, and Zenoh's implementation.
+"""The operators' network: its interface to the daemon, Zenoh's implementation, who may see it."""
 
-Everything is polled. Messages wait in ring channels, one for each topic, newest wins, so no
-backlog is ever executed, and a flood on one key crowds out no other. No Python thread but the
-loop's own runs in the daemon, and one that sends answers.
-"""
-
+import contextlib
+import os
 import re
+import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, NamedTuple, Protocol
+from queue import SimpleQueue
+from typing import Any, Final, Literal, NamedTuple, Protocol
 
 import zenoh
 
+from ...config.schema.network import ZenohSection
 from ...drivers.device import DeviceError
+from ...drivers.network.certificates import known
 from ...drivers.network.identity import Identity
 from ...drivers.network.sessions import member_config, router_config
 from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
-from .answers import AnswerThread
+from ..events import Events
+from ..process import PRIORITY
+
+# --- Exposure of the operators' network: warnings where it is open to all, or soon to nobody ------
+
+
+def network(zenoh: ZenohSection) -> Literal["local", "certified", "insecure"]:
+    """Return who may speak to a daemon: this machine, who shows a certificate, or anybody."""
+    if zenoh.exposed:
+        return "insecure"
+    return "local" if zenoh.security.directory is None else "certified"
+
+
+def exposure(zenoh: ZenohSection) -> list[str]:
+    """Return in words that anybody who reaches the daemon may command; empty if not so."""
+    if network(zenoh) != "insecure":
+        return []
+    return [
+        f"INSECURE: {zenoh.endpoint} reaches beyond this machine without certificates: "
+        "anybody there may read, command and stop this arm"
+    ]
+
+
+def opening_events(zenoh: ZenohSection) -> Events:
+    """Return the events of a run that begins; the first says that anybody may command."""
+    events = Events()
+    for words in exposure(zenoh):
+        events.standing("insecure", words, endpoint=zenoh.endpoint)
+    return events
+
+
+def doubts(identity: Identity | None) -> list[str]:
+    """Return in words which certificates of the daemon's folder end soon, or are of no use."""
+    return [] if identity is None else known(identity.folder)[1]
+
+
+# --- Answers to requests, sent by a thread of their own, because a hand-over to Zenoh may block ---
+#
+# Even to let go of a request waits, for locks that Zenoh's threads hold, or for room on the way
+# to who asked. A tick shall not. This thread does nothing else, and knows nothing of the
+# daemon.
+
+MOST: Final = 1024
+"""While more answers wait than this, no further requests are taken in [1]."""
+
+END_S: Final = 2.0
+"""Answers that are under way at the end are waited for [s]."""
+
+
+class AnswerThread:
+    """Sends answers, or lets requests go without one, in the order in which they are given."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[tuple[zenoh.Query, str, bytes | None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
+        self._thread.start()
+
+    @property
+    def crowded(self) -> bool:
+        """True while so many wait that no more requests should be taken in."""
+        return self._waiting.qsize() > MOST
+
+    def give(self, query: "zenoh.Query", key: str, payload: bytes | None) -> None:
+        """Answer a request on a key, or with None let it go; returns at once."""
+        self._waiting.put((query, key, payload))
+
+    def close(self) -> None:
+        """Send what waits, and end."""
+        self._waiting.put(None)
+        self._thread.join(END_S)
+
+    def _run(self) -> None:
+        # Who waits for this thread is the loop, for the interpreter's lock: ordinary threads must
+        # not keep it from giving that back. Where it is denied, the loop's own notice says so.
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
+        while (given := self._waiting.get()) is not None:
+            query, key, payload = given
+            with contextlib.suppress(zenoh.ZError):  # who asked is gone
+                if payload is not None:
+                    query.reply(key, payload)
+            query.drop()  # type: ignore[no-untyped-call]  # its stubs
+
+
+# --- The operators' network: its interface to the daemon, and Zenoh's implementation --------------
+#
+# Everything is polled. Messages wait in ring channels, one for each topic, newest wins, so no
+# backlog is ever executed, and a flood on one key crowds out no other. No Python thread but the
+# loop's own runs in the daemon, and one that sends answers.
 
 RING: Final = 128
 """Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""

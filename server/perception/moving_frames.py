@@ -14,24 +14,24 @@ import numpy as np
 
 from ...config.load import Cell
 from ...config.schema.cell import LimitsSection
-from ...config.schema.moving import FramesSection, MovingFrameSection
 from ...config.schema.section import PoseSection
-from ...protocols.messages.perception.moving import FrameNews
-from ..control.frame_tree import Body, Moved
-from ..control.rigid_body import rotate_twist
-from ..control.spatial import Array, Pose, rotation_exp
+from ...config.schema.surroundings import FramesSection, MovingFrameSection
+from ...protocols.messages.perception import FrameNews
+from ..control.scene import Body, Moved
+from ..control.spatial import Array, Pose, rotate_twist, rotation_exp
 from ..control.state import Memory
+from ..events import Events
 from ..refusals import Refused, Why
-from ..runtime.events import Events
-from .filters.follower import Follower, FollowerState
-from .filters.frame_tracking import (
+from .ahead import BaseTracker
+from .filters import (
+    Follower,
+    FollowerState,
     NewsRejection,
     PlausibleMotion,
     RejectedNews,
     Track,
     update_track,
 )
-from .wheels.base_tracker import BaseTracker
 
 DISPUTED = 4
 """So often within two timeouts news contradicts what was just believed: two senders tell of it."""

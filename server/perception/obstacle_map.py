@@ -1,7 +1,7 @@
 """Obstacle map: obstacles of the cell and of messages, the age of their news, and their events.
 
 News says where an obstacle was in a telemetry tick; from there its age counts, whatever the way
-took. Between news an obstacle is somewhere within its bounds, which `control/scene.py` states.
+took. Between news an obstacle is somewhere within its bounds, which `scene.py` states.
 
 An obstacle belongs to its first sender until that one removes it. News of it by anybody else is
 refused, and makes it stale until its own sender tells of it again. So does news that is refused for
@@ -15,13 +15,12 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.obstacles import ObstacleSection, Shape, Stale
-from ...config.schema.sensors.cameras import CameraSection
-from ...protocols.messages.perception.obstacles import ObstacleNews
+from ...config.schema.surroundings import CameraSection, ObstacleSection, Shape, Stale
+from ...protocols.messages.perception import ObstacleNews
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from ..control.spatial import Array, rotation_rpy
+from ..events import Events
 from ..refusals import Refused, Why
-from ..runtime.events import Events
 
 MOST = 64
 """Most obstacles that are known at a time [1]."""

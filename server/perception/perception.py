@@ -4,24 +4,19 @@ from dataclasses import replace
 
 from ...config.load import Cell
 from ..commands.commands import Commands
-from ..control.arm.arm import Arm
-from ..control.mechanism.payload import Payload
+from ..control.arm import Arm
+from ..control.mechanism.wrench import Payload
 from ..control.spatial import Pose
 from ..control.state import Memory, Output
+from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
-from ..runtime.events import Events
-from .ahead.passage import Passage
-from .cameras import VisionTracker
-from .contact.collisions import CollisionMonitor
-from .contact.ringing import ContactStability
-from .contact.tool import PressedTool
-from .contact.walls import WallMonitor
-from .force_torque import ForceTorqueMonitor, reads_weight
-from .hand import UnchangingForce
+from .ahead import Passage
+from .cameras import SightLines, VisionTracker
+from .collisions import CollisionMonitor, WallMonitor
+from .contact import ContactStability, PressedTool
 from .moving_frames import FrameTracker
-from .sight_lines import SightLines
-from .unexplained_load import LoadMonitor
+from .wrench import ForceTorqueMonitor, LoadMonitor, UnchangingForce, reads_weight
 
 
 class Perception:

@@ -1,24 +1,216 @@
 """One arm of the cell and its task: what is commanded, perceived and computed for it."""
 
+from typing import Final, Self
+
 import numpy as np
 
 from ...config.load import Cell
-from ..commands.commands import Commands
+from ...protocols.canopen.cia402 import DriveState
+from ..commands.commands import Commands, InForce
 from ..commands.settings import CellSettings
-from ..control.arm.arm import Arm
-from ..control.mechanism.joint_motion import NOTHING
+from ..control.arm import Arm
+from ..control.backbone.fit import Chain
+from ..control.backbone.insertion import STILL, Insertion
+from ..control.mechanism.joint_rates import NOTHING, Beside, Fold
+from ..control.scene import Moved
 from ..control.spatial import Array, Pose
-from ..control.state import Inputs, Memory, Output
+from ..control.state import Inputs, Intent, Memory, Output
+from ..events import Events
 from ..mode import Mode
-from ..perception.cameras import VisionTracker
-from ..perception.contact.jam import JamMonitor
+from ..perception.ahead import Passage
+from ..perception.cameras import EVERY, VisionTracker
+from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
-from ..perception.sight_lines import EVERY
 from ..plant import UnitReading
-from ..runtime.events import Events
-from .looking_ahead import LookingAhead
-from .tick_inputs import tick_inputs
+
+# --- Assembly of the tick's inputs from reading, commands and perception --------------------------
+
+INTENTS = {
+    Mode.BOOT: Intent.SEED,
+    Mode.READY: Intent.SEED,
+    Mode.ENABLED: Intent.MOVE,
+    Mode.STOPPING: Intent.STOP,
+    Mode.HOLD: Intent.HOLD,
+    Mode.FAULT: Intent.SEED,
+}
+"""The tick's permission in each mode."""
+
+
+def tick_inputs(
+    mode: Mode,
+    tick: int,
+    time_s: float,
+    reading: UnitReading,
+    q: Array,
+    commands: InForce,
+    perception: Perception,
+    obstacles: ObstacleMap,
+    moved: Moved,
+    beside: Beside = NOTHING,
+) -> Inputs:
+    """Return the inputs of a tick; `q` (n,) are the measured joints [rad], `moved` the grounds.
+
+    Sources and goals act in ENABLED only; in the other modes the arm may give way to contact.
+    """
+    intent = INTENTS[mode]
+    moving = intent is Intent.MOVE
+    drive = commands.drive if moving else STILL
+    # Once touched, an arm in tunnels may withdraw as a curve, and do nothing else.
+    bent = moving and not perception.collisions.withdraws
+    if perception.collisions.withdraws:
+        drive = drive._replace(back_only=True)
+    grounds_move = perception.moving_frames.watching
+    return Inputs(
+        time_s=time_s,
+        intent=intent,
+        q_measured=q,
+        settings=commands.settings,
+        energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
+        wrench_sensor=reading.wrench,
+        wrench_age_s=reading.wrench_lag_s,
+        wrench_mean=reading.wrench_over_period,
+        stick=commands.stick if moving else None,
+        jog=commands.jog if bent else None,
+        goal=commands.goal if moving else None,
+        paused=commands.paused,
+        view=perception.vision.goal(moved.base.T) if moving else None,
+        posture=commands.posture if bent else None,
+        at_posture=commands.at_posture,
+        wrench_desired=commands.wrench_desired,
+        scene=obstacles.scene(tick) if obstacles.known else None,
+        R_world_wrench=commands.R_world_wrench,
+        moved=moved if grounds_move else None,
+        ground=commands.ground if grounds_move else "world",
+        T_wrist_goal=commands.T_wrist_goal,
+        drive=drive,
+        pushed=None if moving else perception.collisions.pushed,
+        beside=beside if moving else NOTHING,
+    )
+
+
+# --- The axis that sweeps to and fro: the rate at which it is asked to go, tick by tick -----------
+
+GAIN: Final = 4.0
+"""Approach to where the sweep has it [1/s]."""
+MOST: Final = 0.9
+"""Share of the joint's speed bound that a sweep takes at most [1]: others shall not wait for it."""
+
+
+class SweptAxis:
+    """One axis: which joint, and where it should be now."""
+
+    def __init__(
+        self,
+        joint: int,
+        low: float,
+        high: float,
+        period_s: float,
+        velocity: float,
+        control_period_s: float,
+    ) -> None:
+        self.joint = joint
+        """Its place among the joints of its mechanism."""
+        self._low, self._high = low, high
+        self._rate = 2.0 * (high - low) / period_s
+        self._velocity, self._period_s = velocity, control_period_s
+        self._at, self._up = low, True
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self | None:
+        """Return that of a mechanism; None where nothing sweeps."""
+        mechanism = cell.config.mechanism
+        sweep = mechanism.sweep
+        if sweep is None:
+            return None
+        joint = [j.name for j in cell.robot.joints].index(sweep.joint)
+        return cls(
+            joint,
+            sweep.low,
+            sweep.high,
+            sweep.period_s,
+            mechanism.drives[joint].max_velocity,
+            cell.config.timing.period_s,
+        )
+
+    def rate(self, q: float, factor: float) -> float:
+        """Return the rate [rad/s] for the next period; the axis is commanded to be at q [rad].
+
+        `factor` is the reduced-speed setting: then it sweeps as quickly as it may.
+        """
+        most = MOST * factor * self._velocity
+        rate = min(self._rate, most)
+        ahead = rate * self._period_s
+        self._at += ahead if self._up else -ahead
+        if self._at > self._high:
+            self._at, self._up = 2.0 * self._high - self._at, False
+        elif self._at < self._low:
+            self._at, self._up = 2.0 * self._low - self._at, True
+        asked = (rate if self._up else -rate) + GAIN * (self._at - q)
+        return min(max(asked, -most), most)
+
+
+# --- Effect of a contour ahead on a tick: a base that is driven ahead slows down, the arm folds ---
+#
+# An axis that sweeps goes on sweeping. Avoidance switched off leaves the rest to the operator.
+
+
+class LookingAhead:
+    """The reflex of one arm, between what operators ask for and the tick."""
+
+    def __init__(self, sweep: SweptAxis | None, speed: float) -> None:
+        """Build it; the tool folds at most at a speed [m/s]."""
+        self._sweep, self._speed = sweep, speed
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self | None:
+        """Return that of a cell; None for one that neither sweeps nor looks ahead."""
+        sweep, contour = SweptAxis.from_cell(cell), cell.config.contour
+        if sweep is None and contour is None:
+            return None
+        return cls(sweep, 0.0 if contour is None else contour.speed)
+
+    def applied(
+        self,
+        asked: InForce,
+        passage: Passage | None,
+        q: Array,
+        tick: int,
+        way: float = 0.0,
+        *,
+        cleared: bool = False,
+    ) -> tuple[InForce, Beside]:
+        """Return what is in force with that applied; joints are commanded to be at q (n,).
+
+        `way` [m] is how far the base's wheels have rolled, `cleared` whether clearances limited the
+        last tick.
+        """
+        fold = None
+        if passage is not None and asked.settings.avoid:
+            passage.follow(asked.drive.speed, way, tick, cleared=cleared)
+            share = passage.share(asked.drive.speed)
+            if share < 1.0:
+                # In proportion: it stays on the arc that it is driven on.
+                drive = asked.drive
+                asked = asked._replace(
+                    drive=drive._replace(speed=share * drive.speed, turn=share * drive.turn)
+                )
+            posture = passage.posture(tick)
+            if posture is not None:
+                # Nothing else leads the spare joints meanwhile.
+                fold, asked = Fold(posture, self._speed), asked._replace(at_posture=True)
+        if self._sweep is None:
+            return asked, Beside(fold)
+        joint, factor = self._sweep.joint, asked.settings.speed_factor
+        sweep = (joint, self._sweep.rate(float(q[joint]), factor))
+        if asked.posture is not None:
+            posture = asked.posture.copy()
+            posture[joint] = q[joint]
+            asked = asked._replace(posture=posture)
+        return asked, Beside(fold, sweep)
+
+
+# --- One arm of the cell and its task: what is commanded, perceived and computed for it -----------
 
 LED = 1e-3
 """A hand that asks for more than this leads the tool [m/s, rad/s]."""
@@ -172,3 +364,35 @@ def mrf_in_force(output: Output, commands: Commands) -> Pose:
     """
     then, now, T = output.T_wrist_mrf, commands.frames.T_wrist_mrf, output.T_world_mrf
     return T if then is now else T @ (then.inverse() @ now)
+
+
+# --- Telemetry of what is driven as a whole: an arm in its tunnels, a base on wheels --------------
+
+
+def told_insertion(arm: Arm, insertion: Insertion | None) -> dict[str, float] | None:
+    """Return where an arm is along its curve; None for a plain arm, and for one off its curve."""
+    slither = arm.stages.slither
+    if slither is None or insertion is None:
+        return None
+    backbone = slither.backbone
+    return {
+        "depth": backbone.depth(insertion),
+        "speed": insertion.speed,
+        "free": float(backbone.chain.n - insertion.beyond),
+    }
+
+
+def described_insertion(part: Cell) -> dict[str, float] | None:
+    """Return how fast and how deep an arm may be inserted; None for one without a backbone."""
+    backbone = part.config.mechanism.backbone
+    if backbone is None:
+        return None
+    return {"speed": backbone.speed, "depth": Chain.from_cell(part).length - backbone.least}
+
+
+def described_base(part: Cell) -> dict[str, float] | None:
+    """Return how fast a base may be driven [m/s], [rad/s]; None for one that has no wheels."""
+    base = part.config.mechanism.base
+    if base is None:
+        return None
+    return {"speed": base.speed, "angular_speed": base.angular_speed}

@@ -12,13 +12,10 @@ from functools import partial
 
 import numpy as np
 from telerobot.config.load import Cell
-from telerobot.server.control.mechanism.backbone.chain import Chain
-from telerobot.server.control.mechanism.backbone.curve import Curve
-from telerobot.server.control.mechanism.backbone.exterior import Bow, Chord
-from telerobot.server.control.mechanism.backbone.fit import Links
-from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn
-from telerobot.server.control.rigid_body import skew
-from telerobot.server.control.spatial import Array, Pose
+from telerobot.server.control.backbone.curve import Bow, Chord, Curve
+from telerobot.server.control.backbone.fit import Chain, Links
+from telerobot.server.control.backbone.tunnels import Arcs, Turn
+from telerobot.server.control.spatial import Array, Pose, skew
 from telerobot.tools.bench.figures import Figures
 
 JOINTS = (10, 30, 100, 300, 1000)

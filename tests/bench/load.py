@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.obstacles import AvoidanceSection, ObstacleSection, WorkspaceSection
+from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection, WorkspaceSection
 from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.spatial import Array
 

@@ -16,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 from telerobot.config.load import Cell
-from telerobot.drivers.scanner.clock import Clocks
+from telerobot.drivers.scanner import Clocks
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.telemetry import State
-from telerobot.protocols.sick.cola import TelegramCutter, TelegramError
-from telerobot.protocols.sick.scan_data import decode_scan, is_scan
-from telerobot.server.perception.scanning.geometry import instant_of
+from telerobot.protocols.sick import TelegramCutter, TelegramError, decode_scan, is_scan
+from telerobot.server.perception.scanning.placing import instant_of
 from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles

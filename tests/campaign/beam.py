@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from telerobot.config.load import Cell, load_cell
 from telerobot.config.schema.joint_task import JointTaskSection
-from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step

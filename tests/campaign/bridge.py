@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from laboratory.oracle.duck import FoldingArm, gate_of, passable
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.rig.bridge import RigBridgeSection
-from telerobot.server.perception.ahead.headway import REASONS
+from telerobot.config.schema.rig import RigBridgeSection
+from telerobot.server.perception.ahead import REASONS
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.loops.following import following
 from telerobot.tools.scripts.script import Script

@@ -4,7 +4,7 @@ One run for each seed: a hand that comes within 0 to 0.3 s, from any side and wi
 is turned round, moved aside or taken away; stops and holds in the middle of it, and their end;
 payloads that are declared and are not there. Judged are refusals, faults and bounds broken on the
 bus. A payload that is told wrong is a promise, too, and no abuse: the law does not swing by it at
-rest (`load_doubt.py`), and what steers by the sensor waits once it is found (`load_unexplained`).
+rest (`torque.py`), and what steers by the sensor waits once it is found (`load_unexplained`).
 """
 
 from dataclasses import dataclass, field

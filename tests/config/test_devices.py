@@ -3,8 +3,7 @@
 import pytest
 from telerobot.config.load import ConfigError, load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.fieldbuses import Fieldbuses
+from telerobot.drivers.fieldbus import Fieldbus, Fieldbuses
 from telerobot.drivers.kinds import make_drivers
 
 PAIR = """

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from telerobot.config.agree import buses
+from telerobot.config import consistency as buses
 from telerobot.config.load import ConfigError, load_cell, script_path, shipped
 from telerobot.protocols.canopen import can301
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
 
 

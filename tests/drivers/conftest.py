@@ -7,21 +7,21 @@ from typing import Any
 import can
 import pytest
 from telerobot.config.schema.cell import TimingSection
-from telerobot.config.schema.mechanism.mechanism import DriveSection, ForceTorqueSection
+from telerobot.config.schema.mechanism import DriveSection, ForceTorqueSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo.servo import Sent, ServoDrive, ServoReading
+from telerobot.drivers.canopen.servo import Sent, ServoDrive, ServoReading
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor
-from telerobot.protocols.canopen import can301, cia402, cia402_pdo, robotous
+from telerobot.protocols.canopen import can301, cia402, robotous
 from telerobot.protocols.canopen.can301 import NmtState
 from telerobot.protocols.canopen.cia402 import DriveState, Object, OperationMode, Status
 
 PERIOD_S = 0.01
 NODE = 5
 UNPACK: dict[OperationMode, Callable[[bytes], Any]] = {
-    OperationMode.CSP: cia402_pdo.unpack_csp,
-    OperationMode.CSV: cia402_pdo.unpack_csv,
-    OperationMode.CST: cia402_pdo.unpack_cst,
+    OperationMode.CSP: cia402.unpack_csp,
+    OperationMode.CSV: cia402.unpack_csv,
+    OperationMode.CST: cia402.unpack_cst,
 }
 
 
@@ -44,7 +44,7 @@ class PlayedDrive:
         self.status = int(Status.VOLTAGE_ENABLED)
         self.position = 4000
         self.torque = 0
-        self.unpack: Callable[[bytes], Any] = cia402_pdo.unpack_csp
+        self.unpack: Callable[[bytes], Any] = cia402.unpack_csp
         self.received: list[Any] = []
         self.pending: Any = None
         self.controlword = 0
@@ -110,7 +110,7 @@ class PlayedDrive:
             word, target = self.pending
             self.state = cia402.apply_controlword(self.state, self.controlword, word)
             self.controlword = word
-            following = self.unpack is cia402_pdo.unpack_csp
+            following = self.unpack is cia402.unpack_csp
             if self.state is DriveState.OPERATION_ENABLED and following:
                 self.position = target
         if self.answers_sync:
@@ -118,7 +118,7 @@ class PlayedDrive:
 
     def answer(self) -> None:
         word = cia402.STATE_BITS[self.state] | self.status
-        data = cia402_pdo.pack_feedback(word, self.position, self.torque)
+        data = cia402.pack_feedback(word, self.position, self.torque)
         self.send(can301.tpdo1_id(NODE), data)
 
 

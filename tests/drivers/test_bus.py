@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import can
 import msgpack
 import pytest
-from telerobot.config.schema.bus.bus import BusSection
+from telerobot.config.schema.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
 from telerobot.drivers.device import DeviceError
 

@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.bus.enabling import EnablingSwitchSection
+from telerobot.config.schema.bus import EnablingSwitchSection
 from telerobot.config.schema.cell import TimingSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.enabling import EnablingInput
+from telerobot.drivers.canopen.io_modules import EnablingInput
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.rig.nodes.io.enabling_node import EDS, SimulatedSwitch
-from telerobot.drivers.rig.nodes.link import NodeLink
+from telerobot.drivers.rig.nodes.io import INPUT_EDS, SimulatedSwitch
+from telerobot.drivers.rig.nodes.node import NodeLink
 from telerobot.protocols.canopen import cia401
 from telerobot.protocols.canopen.can301 import FrameError
 from telerobot.protocols.messages.rig import RigFault
@@ -27,7 +27,9 @@ def bench():
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
     link = NodeLink(bus, lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
-    found.driver = EnablingInput(found.fieldbus, config, TimingSection(), EDS, "enabling_switch")
+    found.driver = EnablingInput(
+        found.fieldbus, config, TimingSection(), INPUT_EDS, "enabling_switch"
+    )
     found.node = SimulatedSwitch(config, link, lambda: found.now)
     found.node.boot()
     found.fieldbus.receive(0.0)

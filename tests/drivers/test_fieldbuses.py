@@ -5,12 +5,11 @@ from types import SimpleNamespace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus.bus import BusSection
+from telerobot.config.schema.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo.servo import ServoDrive
+from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.device import Cause, DeviceError
-from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.fieldbuses import Fieldbuses, open_buses
+from telerobot.drivers.fieldbus import Fieldbus, Fieldbuses, open_buses
 from telerobot.drivers.force_torque import RobotousSensor
 from telerobot.protocols.canopen import can301
 from telerobot.server.plant import Plant

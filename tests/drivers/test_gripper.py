@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from telerobot.config.schema.cell import TimingSection
-from telerobot.config.schema.mechanism.mechanism import GripperSection
+from telerobot.config.schema.mechanism import GripperSection
 from telerobot.drivers import rig
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.gripper import REPEAT, GripperOutput
+from telerobot.drivers.canopen.io_modules import REPEAT, GripperOutput
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.rig.nodes.io.gripper_node import SimulatedGripper
-from telerobot.drivers.rig.nodes.link import NodeLink
+from telerobot.drivers.rig.nodes.io import SimulatedGripper
+from telerobot.drivers.rig.nodes.node import NodeLink
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import NmtCommand, NmtState
 from telerobot.protocols.canopen.cia401 import pack_outputs

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from telerobot.drivers.device import Cause
-from telerobot.drivers.fieldbuses import Fieldbuses
+from telerobot.drivers.fieldbus import Fieldbuses
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtState
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Status
 from telerobot.server.plant import Plant

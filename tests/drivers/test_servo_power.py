@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 from telerobot.config.schema.cell import TimingSection
-from telerobot.drivers.canopen.servo import servo_setup
-from telerobot.drivers.device import Cause, DeviceError
-from telerobot.drivers.servo_status import OBEYED_SYNCS, SWITCH_OFF_S
+from telerobot.drivers.canopen import servo_setup
+from telerobot.drivers.device import OBEYED_SYNCS, SWITCH_OFF_S, Cause, DeviceError
 from telerobot.protocols.canopen.cia402 import (
     STATE_BITS,
     Controlword,

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from telerobot.config.schema.cell import TimingSection
-from telerobot.config.schema.mechanism.mechanism import DriveSection
+from telerobot.config.schema.mechanism import DriveSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo import servo_setup
-from telerobot.drivers.canopen.servo.servo import ServoDrive
+from telerobot.drivers.canopen import servo_setup
+from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.protocols.canopen.can301 import NmtState

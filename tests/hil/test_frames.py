@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.messages.perception.moving import RigMotion
+from telerobot.protocols.messages.perception import RigMotion
 from telerobot.server.control.spatial import Pose, rotation_log
 
 pytestmark = pytest.mark.hil
@@ -22,7 +22,7 @@ PUBLISHER = """
 import sys, time
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
-from telerobot.protocols.messages.perception.moving import FrameNews
+from telerobot.protocols.messages.perception import FrameNews
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import State
 from telerobot.drivers.network.session import Session

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.messages.perception.moving import RigMotion
+from telerobot.protocols.messages.perception import RigMotion
 from telerobot.tools.simulation.judges.view import ViewJudge
 
 pytestmark = [pytest.mark.hil, pytest.mark.usefixtures("rendering")]

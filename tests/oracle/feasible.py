@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from telerobot.config.drives.joint_bounds import joint_bounds
+from telerobot.config.drives import joint_bounds
 from telerobot.config.load import Cell
 
 from .arm import OracleArm

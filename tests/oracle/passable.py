@@ -9,7 +9,7 @@ Bézier curve of its length is no sharper than the joints take.
 import math
 
 import numpy as np
-from telerobot.config.schema.mechanism.backbone import BackboneSection
+from telerobot.config.schema.mechanism import BackboneSection
 
 from .gap import crossing, sharpest_of
 from .poses import Array, matrix

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from telerobot.config.schema.mechanism.backbone import BackboneSection
+from telerobot.config.schema.mechanism import BackboneSection
 
 from .poses import Array, matrix, skew
 

@@ -19,7 +19,7 @@ from functools import partial
 import daqp
 import numpy as np
 from numpy.typing import NDArray
-from telerobot.config.drives.joint_bounds import joint_bounds
+from telerobot.config.drives import joint_bounds
 from telerobot.config.load import Cell
 from telerobot.drivers.rig.physics.world import World
 

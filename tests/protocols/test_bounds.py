@@ -6,13 +6,11 @@ import msgpack
 import pytest
 from pydantic import ValidationError
 from telerobot.protocols import topics as t
-from telerobot.protocols.bounds import bounds_of
 from telerobot.protocols.codec import decode, encode
-from telerobot.protocols.messages.messages import VERSION, Message
-from telerobot.protocols.messages.motion import MOST
-from telerobot.protocols.messages.perception.camera_picture import LARGEST_JPEG
-from telerobot.protocols.messages.perception.contour import MOST_RAYS
+from telerobot.protocols.messages.messages import MOST, VERSION, Message
+from telerobot.protocols.messages.perception import LARGEST_JPEG, MOST_RAYS
 from telerobot.protocols.messages.requests import Reply
+from telerobot.protocols.topics import bounds_of
 
 FROM_STRANGERS = (*t.COMMANDS, *t.REQUESTS, *t.SENSORS)
 

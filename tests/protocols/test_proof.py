@@ -8,8 +8,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from telerobot.protocols.agreement import KeyPair, random_key
-from telerobot.protocols.proof import PROOF_BYTES, Proof, prove
+from telerobot.protocols.proof import PROOF_BYTES, KeyPair, Proof, prove, random_key
 
 KEY = "telerobot/pa10/operator/lease"
 ANN, DAEMON = KeyPair(bytes(range(32))), KeyPair(bytes(range(32, 64)))

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell, shipped
-from telerobot.server.control.arm.arm import Arm as ArmControl
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.control.state import Inputs, Intent, Output, Settings
-from telerobot.server.control.task.asked import StickCommand
+from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.tick import Control
 
 SOURCES = ("joystick", "position", "vision", "force")

@@ -4,7 +4,7 @@ import pytest
 from telerobot.server.cycle import Cycle
 from telerobot.server.loop import next_deadline, run
 from telerobot.server.mode import Mode
-from telerobot.server.runtime.clock import VirtualClock
+from telerobot.server.process import VirtualClock
 
 T = 0.01
 

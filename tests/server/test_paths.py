@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 from telerobot.protocols.messages import messages as m
-from telerobot.protocols.messages.motion import (
+from telerobot.protocols.messages.messages import (
     ClutchRequest,
     MasterPose,
     PathMotion,
     PathRequest,
     RedundancyRequest,
 )
-from telerobot.protocols.messages.perception.moving import FrameRequest
+from telerobot.protocols.messages.perception import FrameRequest
 from telerobot.server.commands.commands import Commands
-from telerobot.server.control.frame_tree import Mount
+from telerobot.server.control.scene import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.task.paths.goals import Pursuit, Route, TwistRoute
+from telerobot.server.control.task.source import Pursuit, Route, TwistRoute
 from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}

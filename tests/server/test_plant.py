@@ -5,14 +5,19 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.config.schema import cell as schema
-from telerobot.config.schema.bus.on_bus import CanOpenNodeSection, OnBusSection
+from telerobot.config.schema.bus import CanOpenNodeSection, OnBusSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.device import Cause, Device, DeviceError, Trouble
-from telerobot.drivers.fieldbus import Fieldbus
-from telerobot.drivers.fieldbuses import Fieldbuses
+from telerobot.drivers.device import (
+    Cause,
+    Device,
+    DeviceError,
+    JointDrive,
+    ServoReading,
+    SwitchedOutput,
+    Trouble,
+)
+from telerobot.drivers.fieldbus import Fieldbus, Fieldbuses
 from telerobot.drivers.kinds import KINDS
-from telerobot.drivers.roles import JointDrive, SwitchedOutput
-from telerobot.drivers.servo_status import ServoReading
 from telerobot.server.plant import Plant
 
 log = []

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.bridge import RigBridgeSection, RigPersonSection
-from telerobot.config.schema.rig.rig import BoxSection
+from telerobot.config.schema.rig import BoxSection, RigBridgeSection, RigPersonSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

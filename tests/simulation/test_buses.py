@@ -6,7 +6,7 @@ import can
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.config.schema.bus.bus import BusSection
+from telerobot.config.schema.bus import BusSection
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered
-from telerobot.config.schema.bus.enabling import EnablingSwitchSection
+from telerobot.config.schema.bus import EnablingSwitchSection
 from telerobot.server.telemetry import describe
 from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
 

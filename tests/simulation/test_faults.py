@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import altered
-from telerobot.protocols.canopen import can301, cia402_pdo
+from telerobot.protocols.canopen import can301, cia402
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -287,7 +287,7 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
     def on_sent(can_id, data):
         if can_id == can301.rpdo1_id(4):
-            targets.append(cia402_pdo.unpack_csp(data).target_position)
+            targets.append(cia402.unpack_csp(data).target_position)
 
     simulation.cycle.plant.buses[0].taps.append(on_sent)
     simulation.on_tick = leap
@@ -337,10 +337,10 @@ def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, firs
 
     def on_bus(message):
         if message.arbitration_id == tpdo:
-            newest[tpdo] = cia402_pdo.unpack_feedback(bytes(message.data))
+            newest[tpdo] = cia402.unpack_feedback(bytes(message.data))
         if message.arbitration_id == (0x80 if first else tpdo) and len(newest) and on:
             told = newest[tpdo]
-            data = cia402_pdo.pack_feedback(told.statusword, told.position + off, told.torque)
+            data = cia402.pack_feedback(told.statusword, told.position + off, told.torque)
             spoofer.send(CanMessage(arbitration_id=tpdo, data=data, is_extended_id=False))
 
     on = []

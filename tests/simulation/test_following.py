@@ -8,7 +8,7 @@ import pytest
 from laboratory.campaign.torques import play
 from telerobot.config.load import HERE, Cell, altered, load_cell
 from telerobot.server.control.spatial import rotation_log, rotation_rpy
-from telerobot.server.stability.following import delays
+from telerobot.server.stability.loops import delays
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

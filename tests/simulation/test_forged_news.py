@@ -6,12 +6,10 @@ The virtual world stands still; what is told of it is made up. Nobody touches th
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.obstacles import AvoidanceSection
+from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.moving import FrameNews
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
-from telerobot.protocols.messages.perception.sightings import Sighting
+from telerobot.protocols.messages.perception import FrameNews, ObstacleNews, Sighting
 from telerobot.tools.checks.sensors import sensors
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control import spatial
-from telerobot.server.control.mechanism.kinematics import Mechanism
-from telerobot.server.control.rigid_body import wrench_to
+from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.spatial import wrench_to
 from telerobot.tools.identify.attitudes import attitudes
 from telerobot.tools.identify.guide import Guide
 from telerobot.tools.identify.run import identify_simulated, judge

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.mechanism import PayloadSection
 
 HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
 HEAVIER = PayloadSection(mass=5.98, com=(0.0, 0.0, 0.051))

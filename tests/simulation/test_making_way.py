@@ -6,10 +6,10 @@ Judged by the physics: the ball is there, and what it hits counts. Its news need
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.obstacles import AvoidanceSection
+from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.schedule import ScheduleSection
+from telerobot.config.schema.sources import ScheduleSection
 
 AT_REST = 1e-3
 """A tool is at rest below this speed of any joint [rad/s]."""

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import altered
-from telerobot.config.schema.mechanism.mechanism import GripperSection, PayloadSection
-from telerobot.config.schema.rig.rig import RigGripperSection
-from telerobot.server.control.task.gains import GAIN_TIME_S
+from telerobot.config.schema.mechanism import GripperSection, PayloadSection
+from telerobot.config.schema.rig import RigGripperSection
+from telerobot.server.control.task.task import GAIN_TIME_S
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from laboratory.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
 from telerobot.config.load import Cell
-from telerobot.server.stability.payload_loop import following_source, heaviest
+from telerobot.server.stability.loops import following_source, heaviest
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.step import Step

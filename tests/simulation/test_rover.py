@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 from telerobot.config.load import load_cell
-from telerobot.config.schema.moving import MovingFrameSection
-from telerobot.config.schema.obstacles import ObstacleSection
+from telerobot.config.schema.surroundings import MovingFrameSection, ObstacleSection
 from telerobot.tools.simulation.simulation import simulate
 
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.bridge import RigBridgeSection
-from telerobot.config.schema.rig.rig import BoxSection
+from telerobot.config.schema.rig import BoxSection, RigBridgeSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.spring import SpringSection
+from telerobot.config.schema.sources import SpringSection
 
 
 def test_a_tool_on_its_fixture_glides_along_a_line_and_an_operator_lets_go_of_it(play, pa10):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.scripts.script import load_script, script_path
 
 

@@ -7,7 +7,7 @@ import pytest
 from laboratory.oracle.arm import OracleArm
 from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import altered, load_cell
-from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.simulation.simulation import simulate
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.config.schema.moving import FramesSection, MovingFrameSection
+from telerobot.config.schema.surroundings import FramesSection, MovingFrameSection
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 from telerobot.tools.soak import sights

@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode, encode
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
-from telerobot.protocols.proof import Proof
+from telerobot.protocols.proof import KeyPair, Proof
 
 CELL = "cell"
 ZERO = (0.0,) * 6

@@ -9,7 +9,7 @@ from telerobot.config.load import ConfigError, load_cell
 from telerobot.drivers.network.certificates import certificate, known, read
 from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.topics import Role
-from telerobot.server.operators.exposure import doubts
+from telerobot.server.operators.link import doubts
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.cli import main

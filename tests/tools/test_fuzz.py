@@ -8,7 +8,7 @@ from laboratory.campaign.part import Selection
 from laboratory.campaign.parts import PARTS
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
-from telerobot.server.control.barriers.collision import Guard
+from telerobot.server.control.barriers.clearance import Guard
 
 PLAYED = [
     *((codec, seed) for seed in range(2)),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.cli import main
 from telerobot.tools.recording.plot.reader import load_recording
 from telerobot.tools.scripts.script import Script

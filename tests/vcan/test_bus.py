@@ -6,7 +6,7 @@ import struct
 
 import can
 import pytest
-from telerobot.config.schema.bus.bus import BusSection
+from telerobot.config.schema.bus import BusSection
 from telerobot.drivers.bus import open_bus
 from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus

@@ -14,16 +14,15 @@ import time
 import numpy as np
 
 from ...config.load import Cell, joint_part
-from ...server.control.evolve import evolve
-from ...server.control.mechanism.kinematics import Mechanism
-from ...server.control.mechanism.null_space.redundancy import ObjectiveGains
+from ...server.control.compiled import evolve
+from ...server.control.mechanism.model import Mechanism
+from ...server.control.mechanism.redundancy import ObjectiveGains
 from ...server.control.spatial import Array, Pose
 from ...server.control.state import Inputs, Intent, Settings
-from ...server.control.task.asked import StickCommand, ViewGoal
-from ...server.control.task.paths.goals import PathGoal
+from ...server.control.task.source import PathGoal, StickCommand, ViewGoal
 from ...server.control.tick import Control
+from ...server.events import Events
 from ...server.perception.obstacle_map import ObstacleMap
-from ...server.runtime.events import Events
 from ..host.machine import realtime
 from .figures import Figures, percentiles
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...config.load import ConfigError
-from ...config.schema.security import SECURE
+from ...config.schema.network import SECURE
 from ...drivers.network.access import enforced
 from ...drivers.network.certificates import known
 from ...drivers.network.sessions import router_settings

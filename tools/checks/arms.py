@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...config.agree.agree import REQUIRED_POSTURES
+from ...config.consistency import REQUIRED_POSTURES
 from ...config.load import Cell
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.pairs import PairSearch

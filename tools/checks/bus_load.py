@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...config.schema.bus.bus import BusSection
-from ...config.schema.bus.on_bus import CanOpenNodeSection, Entry
-from ...config.schema.mechanism.mechanism import DriveSection
+from ...config.schema.bus import BusSection, CanOpenNodeSection, Entry
+from ...config.schema.mechanism import DriveSection
 from .findings import Finding, graded
 
 LIMIT = 0.80

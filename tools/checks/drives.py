@@ -6,12 +6,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism.base import DifferentialBaseSection
-from ...config.schema.mechanism.mechanism import DriveSection
+from ...config.schema.mechanism import DifferentialBaseSection, DriveSection
 from ...config.urdf.robot import UrdfJoint
-from ...drivers.servo_status import MOST_MISSED_SYNCS
-from ...protocols.canopen.counter import HALF, SPAN
-from ...server.control.mechanism.kinematics import Mechanism
+from ...drivers.device import MOST_MISSED_SYNCS
+from ...protocols.canopen.cia402 import HALF, SPAN
+from ...server.control.mechanism.model import Mechanism
 from .findings import Finding, Severity, graded
 
 QUANTISATION_NOTICE = 0.25

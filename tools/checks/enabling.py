@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 from ...config.load import Cell
-from ...drivers.canopen.servo.servo_setup import SAG
-from ...drivers.canopen.servo.setpoint import Setpoint
-from ...drivers.servo_status import SWITCH_OFF_S
+from ...drivers.canopen.servo_setup import SAG, Setpoint
+from ...drivers.device import SWITCH_OFF_S
 from ...protocols.canopen.cia402 import OperationMode
 from .findings import Finding, Severity
 

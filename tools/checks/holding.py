@@ -5,12 +5,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism.mechanism import ForceTorqueSection, PayloadSection
+from ...config.schema.mechanism import ForceTorqueSection, PayloadSection
 from ...protocols.canopen.robotous import AXES
-from ...server.control.mechanism.dynamics import Dynamics
-from ...server.control.mechanism.kinematics import Mechanism
-from ...server.control.rigid_body import skew
-from ...server.control.spatial import GRAVITY, Array, Pose
+from ...server.control.mechanism.model import Dynamics, Mechanism
+from ...server.control.spatial import GRAVITY, Array, Pose, skew
 from .findings import Finding, Severity, graded
 
 ROOM = 0.5

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.security import refuse_exposure
+from ...config.schema.network import refuse_exposure
 from ...drivers.network.certificates import known
 from .findings import Finding, Severity
 

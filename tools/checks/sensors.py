@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.moving import MovingFrameSection
-from ...server.control.mechanism.kinematics import Mechanism
+from ...config.schema.surroundings import MovingFrameSection
+from ...server.control.mechanism.model import Mechanism
 from .findings import Finding, Severity, Value
 
 GRAVITY = 9.81

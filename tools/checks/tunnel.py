@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...config.drives.joint_bounds import joint_bounds
+from ...config.drives import joint_bounds
 from ...config.load import Cell
-from ...server.control.mechanism.backbone.insertion import FITS, Backbone
-from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.backbone.insertion import FITS, Backbone
+from ...server.control.mechanism.model import Mechanism
 from .findings import Finding, Severity, graded
 
 FULL = 0.9

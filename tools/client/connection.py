@@ -9,12 +9,12 @@ from ...drivers.network.identity import identity_of
 from ...drivers.network.session import NotCertified, Session
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
-from ...protocols.messages.perception.moving import RigMotion
-from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.messages import Reflection
+from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import Description, Event, State
 from ...protocols.topics import Role
-from ...server.runtime.clock import Clock, MonotonicClock
+from ...server.process import Clock, MonotonicClock
 from ..host.address import moved
 from .line import MessageCarrier
 from .protocol_client import ProtocolClient

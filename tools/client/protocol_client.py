@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...protocols import topics as t
-from ...protocols.agreement import KeyPair, random_key
 from ...protocols.codec import CodecError, decode_as, encode
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
-from ...protocols.proof import prove
+from ...protocols.proof import KeyPair, prove, random_key
 
 Put = Callable[[t.Topic, bytes, bytes], None]
 """Sends a command: topic, payload, proof of the lease."""

@@ -13,15 +13,14 @@ from typing import TextIO
 
 from ...config.errors import printable
 from ...config.load import Cell, ConfigError
-from ...config.schema.bus.on_bus import CanOpenNodeSection
+from ...config.schema.bus import CanOpenNodeSection
 from ...drivers.bus import CanBus, open_bus
 from ...drivers.device import DeviceError
-from ...drivers.fieldbuses import POLL_S
+from ...drivers.fieldbus import POLL_S
 from ...drivers.network.identity import identity_of
 from ...drivers.rig.realtime import run_realtime
 from ...drivers.rig.rig import Rig
-from ...drivers.rig.scanner_server import ScannerServer
-from ...drivers.rig.session import RigSession
+from ...drivers.rig.session import RigSession, ScannerServer
 from ...protocols.canopen import can301
 from ...protocols.topics import Role
 from ..host.address import add_cell_arguments, cell_from, duration

@@ -14,16 +14,14 @@ from ...config.errors import printable
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import Over, dial
 from ...drivers.network.session import Session
-from ...drivers.scanner.client import ScannerClient
-from ...drivers.scanner.clock import Clocks
+from ...drivers.scanner import Clocks, ScannerClient
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
-from ...protocols.messages.perception.contour import ContourNews, ScanPoints
+from ...protocols.messages.perception import ContourNews, ScanPoints
 from ...protocols.messages.telemetry import State
-from ...protocols.sick.cola import TelegramError
-from ...protocols.sick.scan_data import Scan
+from ...protocols.sick import Scan, TelegramError
 from ...protocols.topics import Role
-from ...server.perception.scanning.geometry import instant_of
+from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..host.address import add_cell_arguments, cell_from, duration
 from ..host.ending import until_told

@@ -9,7 +9,7 @@ from typing import Final
 
 from ...config.errors import ConfigError, printable
 from ...config.load import Cell, load_cell, shipped
-from ...server.runtime.operating_system import PRIORITY
+from ...server.process import PRIORITY
 
 ISOLATED: Final = Path("/sys/devices/system/cpu/isolated")
 _USER: Final = re.compile(r"[a-z_][a-z0-9_-]{0,31}")

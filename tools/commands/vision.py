@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from ...config.load import Cell, ConfigError
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
 from ...drivers.vision.detector import Picture
@@ -37,7 +37,7 @@ class _World:
     """The rig's copy, kept up to date by what the rig tells."""
 
     def __init__(self, cell: Cell) -> None:
-        from ...drivers.rig.physics.sensors.camera import (
+        from ...drivers.rig.physics.camera import (
             RigCameras,  # not needed, nor MuJoCo, for real cameras
         )
 

@@ -14,8 +14,8 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...config.schema.security import SecuritySection, ZenohSection
-from ...config.schema.sensors.scanner import ScannerSection
+from ...config.schema.network import SecuritySection, ZenohSection
+from ...config.schema.surroundings import ScannerSection
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
 

@@ -5,7 +5,7 @@ import socket
 from contextlib import ExitStack
 
 from ...config.load import Cell
-from ...config.schema.security import SECURE, beyond_loopback
+from ...config.schema.network import SECURE, beyond_loopback
 
 
 class Claims:

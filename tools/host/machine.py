@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from ...config.load import load_cell
-from ...config.schema.bus.bus import BusSection
+from ...config.schema.bus import BusSection
 from ...drivers.bus import open_bus
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import Fieldbus
@@ -136,7 +136,7 @@ def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:
 def pictures() -> tuple[bool, str]:
     """Return whether pictures can be made and looked at here, and how, or why not."""
     try:
-        from ...drivers.rig.physics.sensors.camera import RigCameras
+        from ...drivers.rig.physics.camera import RigCameras
 
         cameras = RigCameras(load_cell("pa10_vision"))
     except DeviceError as error:

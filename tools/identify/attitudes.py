@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config.drives.joint_bounds import joint_bounds
+from ...config.drives import joint_bounds
 from ...config.errors import ConfigError
 from ...config.load import Cell
-from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Array, Pose
 
 WRIST_JOINTS = 3

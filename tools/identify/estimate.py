@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...server.control.rigid_body import skew
-from ...server.control.spatial import GRAVITY, Array, Pose
+from ...server.control.spatial import GRAVITY, Array, Pose, skew
 
 WORST_CONDITION = 12.0
 """Attitudes whose directions of gravity are worse spread tell too little [1]."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...config.load import Cell
-from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Pose
 from ..client.operator import Operator
 from ..scripts.player import Phase

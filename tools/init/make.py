@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from ...config.drives.rig_drives import greatest_inertias
+from ...config.drives import greatest_inertias
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
 from ..checks.findings import Severity

@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.drives.joint_bounds import joint_bounds
+from ...config.drives import joint_bounds
 from ...config.load import Cell
-from ...server.control.mechanism.kinematics import Mechanism
+from ...server.control.mechanism.model import Mechanism
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.distance import measured
 from ...server.control.scene import empty

@@ -13,8 +13,7 @@ from mcap.writer import Writer
 from ...config.bundle import to_text
 from ...config.load import Cell
 from ...protocols.messages.messages import Message
-from ...server.flight.container import ABOUT, CELL, MEMORY, TICK
-from ...server.flight.log import KeptTick, pack_memories
+from ...server.recorder import ABOUT, CELL, MEMORY, TICK, KeptTick, pack_memories
 from ..operator.web.scene import scene_of
 from .run_file import SCENE
 

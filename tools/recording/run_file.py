@@ -25,7 +25,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from ...config.bundle import from_text
 from ...config.load import Cell, ConfigError
-from ...server.flight.container import ABOUT, CELL
+from ...server.recorder import ABOUT, CELL
 from ..operator.web.scene import PREFIX, Scene
 
 SCENE: Final = "scene.json"

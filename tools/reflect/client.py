@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...config.schema.reflection import ReflectionSection
+from ...config.schema.network import ReflectionSection
 from ...protocols.messages import messages as m
-from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.messages import Reflection
 from ...protocols.messages.telemetry import State
-from ...server.reflection.passivity import Port, damping
+from ...server.reflection import Port, damping
 from ..client.round_trip import RoundTrip
 from .device import STEP_S, SimulatedHandle
 from .small_gain import HeldStick

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...config.schema.reflection import HandleSection, HandSection
+from ...config.schema.network import HandleSection, HandSection
 from .linkage import Array, jacobian, place
 
 STEP_S = 0.001

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from ...config.schema.reflection import HandleSection, HandSection
+from ...config.schema.network import HandleSection, HandSection
 
 WELL_DAMPED = 0.7
 """Damping ratio from which a held stick counts as without resonance [1]."""

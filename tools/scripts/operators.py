@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from ...config.schema.reflection import ReflectionSection
+from ...config.schema.network import ReflectionSection
 from ...protocols import topics as t
-from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.messages import Reflection
 from ...protocols.messages.telemetry import State
 from ..client.protocol_client import Ask, ProtocolClient, Put
 from ..reflect.client import ReflectingClient

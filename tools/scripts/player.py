@@ -4,16 +4,15 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum, auto
 
-from ...config.schema.reflection import ReflectionSection
+from ...config.schema.network import ReflectionSection
 from ...protocols import topics as t
-from ...protocols.agreement import random_key
 from ...protocols.codec import encode
 from ...protocols.messages import requests
-from ...protocols.messages.perception.moving import RigMotion
-from ...protocols.messages.perception.obstacles import ObstacleNews
-from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.messages import Reflection
+from ...protocols.messages.perception import ObstacleNews, RigMotion
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
+from ...protocols.proof import random_key
 from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
 from .generators.insertion import InsertionMotion
 from .generators.obstacles import ObstacleMotions

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...drivers.rig.rig import Rig
-from ...protocols.messages.perception.moving import FrameNews
+from ...protocols.messages.perception import FrameNews
 from ...server.control.spatial import Pose, rotation_exp
 
 Put = Callable[[FrameNews], None]

@@ -13,7 +13,7 @@ from typing import Final
 
 from ...config.load import Cell, load_cell
 from ...protocols import topics as t
-from ...protocols.messages.perception.moving import RigMotion
+from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault
 from ..client.operator import Operator
 from ..scripts.script import Script

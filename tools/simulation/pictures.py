@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.sensors.cameras import CameraSection
-from ...drivers.rig.physics.sensors.camera import RigCameras
+from ...config.schema.surroundings import CameraSection
+from ...drivers.rig.physics.camera import RigCameras
 from ...drivers.rig.rig import Rig
 from ...drivers.vision.detector import Detector
 from ...drivers.vision.process import told

@@ -10,14 +10,13 @@ from typing import Final
 
 from ...config.load import Cell
 from ...drivers.rig.rig import Rig
-from ...drivers.scanner.clock import Clocks
+from ...drivers.scanner import Clocks
 from ...protocols.codec import encode
-from ...protocols.messages.perception.contour import ContourNews
+from ...protocols.messages.perception import ContourNews
 from ...protocols.messages.telemetry import State
-from ...protocols.sick.cola import TelegramCutter, TelegramError
-from ...protocols.sick.scan_data import decode_scan, is_scan
+from ...protocols.sick import TelegramCutter, TelegramError, decode_scan, is_scan
 from ...protocols.topics import CONTOUR, OBSTACLE, Topic
-from ...server.perception.scanning.geometry import instant_of
+from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..recording.recorder import Recorder
 

@@ -18,12 +18,12 @@ from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import decode_as, encode
 from ...protocols.messages import messages as m
-from ...protocols.messages.reflection import Reflection
+from ...protocols.messages.messages import Reflection
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...server.daemon import build
-from ...server.flight.black_box import BlackBox
-from ...server.runtime.clock import VirtualClock
+from ...server.process import VirtualClock
+from ...server.recorder import BlackBox
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Script, load_script

@@ -5,8 +5,7 @@ from functools import partial
 
 from ...config.load import Cell
 from ...drivers.bus import CanMessage, Hub, InProcessBus
-from ...drivers.fieldbus import Fieldbus
-from ...drivers.fieldbuses import Fieldbuses
+from ...drivers.fieldbus import Fieldbus, Fieldbuses
 
 PUMP_STEPS = 500
 """A device that is silent for this many physics steps does not answer [1]."""

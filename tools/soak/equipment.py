@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism.mechanism import GripperSection, PayloadSection
-from ...config.schema.rig.rig import RigGripperSection
+from ...config.schema.mechanism import GripperSection, PayloadSection
+from ...config.schema.rig import RigGripperSection
 from ...protocols.messages.messages import Frame
 from ..scripts.step import Step
 from .steps import Draw, step

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.moving import FramesSection, MovingFrameSection
 from ...config.schema.section import PoseSection
+from ...config.schema.surroundings import FramesSection, MovingFrameSection
 from .steps import Draw
 
 Pair = tuple[dict[str, Any], dict[str, Any]]

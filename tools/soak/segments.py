@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.null_space.redundancy import OBJECTIVES
-from ...config.schema.sources.schedule import ScheduleSection
+from ...config.schema.null_space import OBJECTIVES
+from ...config.schema.sources import ScheduleSection
 from ...protocols.messages.messages import Frame
 from ..scripts.step import Step
 from . import equipment, grounds

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...config.schema.sensors.cameras import CameraSection
+from ...config.schema.surroundings import CameraSection
 from ...protocols.codec import encode
-from ...protocols.messages.perception.sightings import PoseVector, Sighting
+from ...protocols.messages.perception import PoseVector, Sighting
 from ...protocols.topics import SIGHTING
 from ...server.control.spatial import Pose, rotation_exp
 from ..simulation.judges.view import ViewJudge

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ....config.schema.mechanism.mechanism import DriveSection
-from ....config.schema.rig.rig import RigDriveSection
+from ....config.schema.mechanism import DriveSection
+from ....config.schema.rig import RigDriveSection
 from ....server.control.compiled import COUNTS, NUMBER, ROW, VECTOR, compiled, record
 
 Vector = NDArray[np.float64]

@@ -6,9 +6,8 @@ import can
 
 from ....protocols.canopen import can301
 from ...bus import BusErrors
-from .canopen.can_node import CanNode
-from .link import NodeLink
-from .node import Node
+from .canopen import CanNode
+from .node import Node, NodeLink
 
 
 class Wire:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .robot.chassis import FLOOR, ROLLS
+from .movers import FLOOR, ROLLS
 
 Vector = NDArray[np.float64]
 

@@ -1,9 +1,14 @@
-"""Common to the rig's geoms: who touches whom and how hard, and how poses are written."""
+"""Common to the rig's geoms: who touches whom, how hard; and capsules of links with meshes."""
+
+from typing import Final
 
 import mujoco
 import numpy as np
 
+from ....config.load import Cell
 from ....config.schema.section import PoseSection
+
+# --- Common to the rig's geoms: who touches whom and how hard, and how poses are written ----------
 
 ARM, FIXED = 1, 2
 """Contact groups; fixed things never meet."""
@@ -42,3 +47,60 @@ def quaternion(pose: PoseSection) -> tuple[float, float, float, float]:
     mujoco.mju_euler2Quat(quat, np.array(pose.rpy), "XYZ")
     w, x, y, z = quat.tolist()
     return w, x, y, z
+
+
+# --- Shapes of links whose URDF has meshes: the capsules that the cell has around them ------------
+
+FEATHER: Final = 1e-6
+"""Mass of a link that carries all its weight in what is fixed to it [kg]."""
+
+
+def add_capsules(arm: mujoco.MjSpec, part: Cell) -> None:
+    """Add the cell's capsules to links that have meshes, as their shape.
+
+    The one around the MRF is the tool's, which has its ball.
+    """
+    bare = set(part.robot.mesh_links())
+    mechanism = part.config.mechanism
+    for given in part.config.avoidance.capsules:
+        link = given.link.removeprefix(part.prefix)
+        body = arm.body(link) if link in bare or given.holds else None
+        if body is None:
+            continue
+        start, end = np.array(given.start), np.array(given.end)
+        if link == mechanism.tip_link and _holds(
+            start, end, given.radius, np.array(mechanism.T_wrist_mrf.xyz)
+        ):
+            continue
+        if np.linalg.norm(end - start) < 1e-6:
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=start)
+        else:
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE)
+            geom.fromto[:] = [*start, *end]
+        geom.size[0] = given.radius
+
+
+def exclude_contacts(arm: mujoco.MjSpec, cell: Cell) -> None:
+    """Let links touch that the cell lets overlap: of one arm, or of several where it has them."""
+    found = {frozenset((e.bodyname1, e.bodyname2)) for e in arm.excludes}
+    for pair in cell.config.avoidance.allowed_contacts:
+        prefix = "" if cell.others else cell.prefix
+        first, second = (name.removeprefix(prefix) for name in (pair.link, pair.other))
+        names = frozenset((first, second))
+        if len(names) == 2 and names not in found and arm.body(first) and arm.body(second):
+            found.add(names)
+            arm.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def give_mass(arm: mujoco.MjSpec) -> None:
+    """Give a trace of mass to links that move and have none: all theirs is fixed to them."""
+    for body in arm.bodies[1:]:
+        if body.joints and body.mass <= 0.0:
+            body.mass, body.inertia, body.explicitinertial = FEATHER, [1e-3 * FEATHER] * 3, True
+
+
+def _holds(start: np.ndarray, end: np.ndarray, radius: float, point: np.ndarray) -> bool:
+    along = end - start
+    length2 = max(float(along @ along), 1e-18)
+    part = min(1.0, max(0.0, float((point - start) @ along) / length2))
+    return float(np.linalg.norm(point - start - part * along)) < radius

@@ -5,19 +5,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError
-from ....config.schema.mechanism.mechanism import MechanismSection
-from ....config.schema.rig.rig import RigSection, WallSection
+from ....config.schema.mechanism import MechanismSection
+from ....config.schema.rig import RigSection, WallSection
 from ....config.schema.section import PoseSection
-from .bodies.beam import add_beam
-from .bodies.bridge import add_bridge, add_person
-from .bodies.peg import add_hole, add_peg
-from .bodies.solids import add_solid, attitude
-from .bodies.tunnel import add_tunnel
-from .clearance.distances import TOOL_BALL, WALL
-from .clearance.sight import add_probe
-from .geoms import FIXED, SOLREF, fixed, of_arm, quaternion, slides_on
-from .robot.capsules import add_capsules, exclude_contacts, give_mass
-from .robot.chassis import add_floor, put_on_wheels
+from .beam import add_beam
+from .bodies import add_bridge, add_hole, add_peg, add_person, add_solid, add_tunnel, attitude
+from .clearance import TOOL_BALL, WALL, add_probe
+from .geoms import (
+    FIXED,
+    SOLREF,
+    add_capsules,
+    exclude_contacts,
+    fixed,
+    give_mass,
+    of_arm,
+    quaternion,
+    slides_on,
+)
+from .movers import add_floor, put_on_wheels
 
 WALL_SLIDE = "wall_slide"
 """Joint of the wall's plate: its travel along the wall's normal [m]."""

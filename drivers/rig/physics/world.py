@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.rig.rig import RigGripperSection
-from .bodies.beam import Beam
-from .bodies.solids import place
-from .clearance.distances import WorldDistances
+from ....config.schema.rig import RigGripperSection
+from .beam import Beam
+from .bodies import place
+from .brakes import Brakes
+from .clearance import WorldDistances
 from .contacts import Contacts
-from .robot.brakes import Brakes
-from .robot.chassis import GRIP
+from .movers import GRIP
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 
 Vector = NDArray[np.float64]

@@ -1,9 +1,4 @@
-"""Setpoints of the drives for a commanded motion: positions, speeds or torques.
-
-The last stage before the bus. It changes no motion: it says the same motion in the unit of the
-drives' operation mode, and refuses a torque or a speed that is not to be sent, as the gate refuses
-a posture.
-"""
+"""Setpoints of the drives for a commanded motion: positions, speeds or torques."""
 
 from typing import NamedTuple, Protocol
 
@@ -11,11 +6,17 @@ import numpy as np
 
 from ..compiled import VECTOR, compiled
 from ..joints import Joints
-from ..mechanism.kinematics import Kinematics
-from ..spatial import Array, Pose
-from ..stop.gate import TOLERANCE
-from ..stop.motion import Motion
+from ..mechanism.model import Dynamics, Kinematics
+from ..mechanism.wrench import Payload
+from ..spatial import GRAVITY, Array, Motion, Pose
+from ..stop.limiter import TOLERANCE
 from .torque import TorqueLaw, Torques, TorqueState
+
+# --- Setpoints of the drives for a commanded motion: positions, speeds or torques -----------------
+#
+# The last stage before the bus. It changes no motion: it says the same motion in the unit of
+# the drives' operation mode, and refuses a torque or a speed that is not to be sent, as the
+# gate refuses a posture.
 
 
 class Now(NamedTuple):
@@ -173,3 +174,27 @@ def _first_beyond(value: Array, most: Array) -> int:
         if not abs(value[j]) <= most[j]:
             return j
     return -1
+
+
+# --- Torques that hold an arm where it stands: the drives' preload before their brakes open -------
+
+
+class HoldingTorque:
+    """Gravity torques of one arm with its payload."""
+
+    def __init__(self, dynamics: Dynamics, own: Payload | None) -> None:
+        """Build it; `own` is the cell's payload, None without a force/torque sensor."""
+        self._dynamics, self._own = dynamics, own
+
+    def __call__(self, q: Array, payload: Payload | None, R_world_base: Array) -> Array:
+        """Return the torques (n,) [N·m] at q (n,) [rad] with a `payload`, or else the cell's own.
+
+        R_world_base (3, 3) tells how Base is tilted. Without a force/torque sensor the arm carries
+        the URDF's tool.
+        """
+        payload = payload or self._own
+        if self._own is not None and payload is not None:
+            self._dynamics.carry(payload.mass, payload.com)
+        self._dynamics.fall(R_world_base.T @ GRAVITY)
+        still = np.zeros(len(q))
+        return self._dynamics.torque(q, still, still)

@@ -1,29 +1,19 @@
-"""Barriers: the part of the asked joint rates that all of them allow.
-
-Scaled to the joint speed bounds first, and beside things to the tool's; then the nearest rates that
-keep every barrier: self-motion is spent first, then speed along the path, and only then the path,
-along which the tool would stop: it slides on along the barrier.
-"""
+"""Barriers: the part of the asked joint rates that all of them allow."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..frame_tree import Body
 from ..joints import Joints, joined, parts_of
-from ..mechanism.kinematics import Kinematics
+from ..mechanism.model import Kinematics
 from ..proximity.capsules import Placed
-from ..scene import Scene
-from ..spatial import Array, Pose
-from ..stop.motion import Motion
-from .clearance import Levels, Shown
-from .collision import Guard, Situation, Tool, Watch
-from .joint_limits import JointRoom, Room
+from ..scene import Body, Scene
+from ..spatial import Array, Motion, Pose
+from .clearance import Guard, Levels, Shown, Situation, Tool, Watch
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
-from .resisted import Resistance
+from .rows import JointRoom, Resistance, Room, Rows
 from .together import PayloadLink, in_step, least_of, pulled_apart
-from .velocity_damper import Rows
 
 
 class BarrierInputs(NamedTuple):

@@ -1,25 +1,137 @@
-"""Clearances: their barriers, and their shortfall along a stop.
-
-A promise is kept by the arm itself, not by the command that it follows: what the joints lag behind
-the command, times how much that matters for the gap, is taken off every gap (the tracking tube).
-"""
+"""Clearances: their barriers of one tick, and their shortfall along a stop."""
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import COUNT, FLAG, FLAGS, VECTOR, compiled
-from ..frame_tree import Body
-from ..proximity.capsules import Capsules, Placed
-from ..proximity.link_travel import carried, doubtful, surroundings, travel
+from ..compiled import (
+    COUNT,
+    COUNTS,
+    FLAG,
+    FLAGS,
+    INDEX,
+    MATRIX,
+    NUMBER,
+    ROW,
+    TABLE,
+    VECTOR,
+    compiled,
+)
+from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
-from ..scene import Flags, Index, Scene
-from ..spatial import Array
-from .clearance_bounds import HORIZON_S, held, kept, wanted
-from .velocity_damper import Braking
+from ..scene import Body, Flags, Index, Scene
+from ..spatial import Array, Pose
+from .rows import Braking, Rows, Walls
+
+# --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
+
+HORIZON_S: Final = 0.4
+"""Moving obstacles count if they can be near within this time [s]."""
+ROUNDEST: Final = 0.02
+"""Paths of links around things are no more curved than a circle with this radius [m]."""
+
+
+def held(
+    tube: Array, gap: Array, promise: Array, speed: Array, between: float
+) -> tuple[Array, Array, Index]:
+    """Return minimum gaps (k,) [m], floors as if none were held, and which are.
+
+    A gap is held if it is below its minimum, or may be soon since an obstacle moves.
+    """
+    needed, floor = np.empty(len(gap)), np.empty(len(gap))
+    which = np.empty(len(gap), dtype=np.int64)
+    count = _hold(tube, gap, promise, speed, between, needed, floor, which)
+    return needed, floor, which[:count]
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, ROW, ROW, COUNTS)
+def _hold(
+    tube: Array, gap: Array, promise: Array, speed: Array, between: float,
+    needed: Array, floor: Array, which: Index,
+) -> int:  # fmt: skip
+    count = 0
+    for i in range(len(gap)):
+        needed[i], floor[i] = promise[i] + tube[i] + between, np.inf
+        if gap[i] < needed[i] + speed[i] * HORIZON_S:
+            which[count] = i
+            count += 1
+    return count
+
+
+def kept(
+    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    margin: float, between: float,
+) -> tuple[Array, Array, Array, Array, Index]:  # fmt: skip
+    """Return tube and room (k,), as in `Sight`, and what `held` does.
+
+    `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, 0), how much nearer
+    pairs may be before the arm is where the command is now.
+    """
+    k = len(gap)
+    tube, room, needed, floor = np.zeros(k), np.empty(k), np.empty(k), np.empty(k)
+    which = np.empty(k, dtype=np.int64)
+    count = _keep(
+        rows, error, gap, promise, speed, nearer, margin, between, tube, room, needed, floor, which
+    )
+    return tube, room, needed, floor, which[:count]
+
+
+@compiled(
+    MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, ROW, ROW, ROW, ROW, COUNTS
+)
+def _keep(
+    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    margin: float, between: float,
+    tube: Array, room: Array, needed: Array, floor: Array, which: Index,
+) -> int:  # fmt: skip
+    k, n = rows.shape
+    for i in range(k):
+        for j in range(n):
+            tube[i] += abs(rows[i, j]) * abs(error[j])
+        room[i] = gap[i] - promise[i] - margin - tube[i]
+        if len(nearer):
+            room[i] -= nearer[0, i]
+    return _hold(tube, gap, promise, speed, between, needed, floor, which)
+
+
+def wanted(
+    count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
+    floor: Array, nearer: Array,
+) -> Array:  # fmt: skip
+    """Return minimum distances (count + 1, p) [m] between segments of `pairs` (p,) along a stop.
+
+    The minimum gap, plus the sagitta of a path that comes `closer` (p,) in `count` steps and is no
+    more curved than its radii, plus the approach of obstacles `nearer` (count + 1, k), or (0, 0);
+    at most the floor.
+    """
+    found = np.empty((count + 1, len(pairs)))
+    _want(count, pairs, closer, needed, promise, radii, floor, nearer, found)
+    return found
+
+
+@compiled(COUNT, INDEX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, TABLE)
+def _want(
+    count: int, pairs: Index, closer: Array, needed: Array, promise: Array, radii: Array,
+    floor: Array, nearer: Array, found: Array,
+) -> None:  # fmt: skip
+    for i in range(len(pairs)):
+        k, chord = pairs[i], closer[i] / count
+        round_off = chord * chord / (8.0 * max(radii[k] + promise[k], ROUNDEST))
+        for s in range(count + 1):
+            bound = needed[k] + round_off
+            if len(nearer):
+                bound += nearer[s, k]
+            found[s, i] = min(bound, floor[k]) + radii[k]
+
+
+# --- Clearances: their barriers, and their shortfall along a stop ---------------------------------
+#
+# A promise is kept by the arm itself, not by the command that it follows: what the joints lag
+# behind the command, times how much that matters for the gap, is taken off every gap (the
+# tracking tube).
 
 SAMPLE_S = 0.025
 """Greatest time between two postures that are checked along a stop [s] …"""
@@ -278,3 +390,220 @@ def _nearest(gap: Array, active: Flags, most: int, only_active: bool) -> Index:
             found[place] = i
             count = min(count + 1, most)
     return found[:count].copy()
+
+
+# --- Collision barriers of one tick: links against obstacles and each other, and the workspace ----
+#
+# One look serves both the barriers of the tick and the judgement of the stops that it
+# considers.
+
+NAMED = 3
+"""Number of acting barriers that are named [1]."""
+
+ORDERED = 1e-4
+"""A tool that is to go at more than this was told to [m/s, rad/s]."""
+
+
+class Tool(NamedTuple):
+    """The tool of one mechanism."""
+
+    p: Array
+    """Where its MRF is in World (3,) [m]."""
+    J: Array
+    """Its Jacobian in its own k joints (6, k)."""
+    T_wrist_mrf: Pose
+    joints: slice
+    """Where these joints are among all."""
+    ordered: bool = True
+    """Somebody wants it to move, and no sensor's noise."""
+    makes_way: float = 1.0
+    """Part of the speed of what comes that its arm makes way at, 0 to 1."""
+
+
+class Situation(NamedTuple):
+    """Inputs of one tick for the n joints of a cell."""
+
+    q: Array
+    dq: Array
+    error: Array
+    """Tracking errors of the joints (n,) [rad]."""
+    tools: tuple[Tool, ...]
+    scene: Scene | None
+    factor: float
+    """The reduced-speed setting."""
+    base: Base = None
+    placed: Placed | None = None
+    """Where links are at q, where that is known already."""
+
+
+class Watch(NamedTuple):
+    """Near pairs and barriers of one tick."""
+
+    at: Situation
+    sight: NearGaps
+    rows: Rows
+    """Barriers: first those of the gaps that are near, then those of the workspace."""
+    speeds: tuple[float, ...]
+    """At which each tool is asked to go [m/s]."""
+    coming: Array
+    """Speed at which arms make way for the second of each pair (k,) [m/s]."""
+
+    @property
+    def levels(self) -> Levels:
+        """Best gaps so far, for the next tick."""
+        return self.sight.levels
+
+
+class Guard:
+    """Keeps one cell's clearances and workspace."""
+
+    def __init__(
+        self, cell: Cell, acceleration: Array, jerk: Array, capsules: Capsules | None = None
+    ) -> None:
+        """Build it for the cell's capsules, which are fitted here unless they are given."""
+        avoidance = cell.config.avoidance
+        self.capsules = Capsules(cell) if capsules is None else capsules
+        self.clearance = Clearance(cell, acceleration, jerk, self.capsules)
+        self.walls = tuple(Walls(part, self.capsules) for part in cell.parts)
+        """The workspace of each mechanism's tool."""
+        self._arm = _arm_of(self.capsules.moves, [len(part.joints) for part in cell.parts])
+        self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
+        self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
+        self._tools = tuple(self.capsules.body == w.body for w in self.walls)
+
+    def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
+        """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
+        clearance = self.clearance
+        fastest, speeds, rates = np.empty(len(asked)), [], []
+        for tool in at.tools:
+            part = tool.joints
+            speed, rate = _ask(tool.J, asked[part], at.dq[part], fastest[part])
+            speeds.append(speed)
+            rates.append(rate)
+        sight = clearance.look(
+            at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
+        )
+        # Only an arm that is to move is led out of a bound; self-motion alone is no order.
+        widen = any(t.ordered and rate > ORDERED for t, rate in zip(at.tools, rates, strict=True))
+        coming = sight.near.approach
+        if np.count_nonzero(coming):
+            shares = np.array([tool.makes_way for tool in at.tools])
+            coming = shares[self._arm[sight.near.first]] * coming
+            coming = np.minimum(coming, at.factor * self._speed)
+        gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
+        rows = []
+        for tool, walls in zip(at.tools, self.walls, strict=True):
+            walled = walls.around(_whole(tool, len(at.q)), tool.p)
+            rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
+            gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
+        return Watch(at, sight, Rows.of_all(rows), tuple(speeds), coming)
+
+    def makes_way(self, watch: Watch) -> list[bool]:
+        """Return which arms are to go out of the way of something that comes."""
+        near, found = watch.sight.near, [False] * len(watch.at.tools)
+        if np.count_nonzero(watch.coming):
+            for i in np.flatnonzero((watch.coming > 0.0) & (watch.rows.low[: near.size] > 0.0)):
+                found[self._arm[near.first[i]]] = True
+        return found
+
+    def tool_shares(self, watch: Watch) -> list[float]:
+        """Return what share (0 to 1) of each tool's motion is slow enough beside things."""
+        if self._near_speed is None:
+            return [1.0] * len(watch.speeds)
+        near, shares = watch.sight.near, []
+        for tool, speed in zip(self._tools, watch.speeds, strict=True):
+            gap = _least_beside(near.gap, near.obstacle, near.first, tool)
+            if gap == math.inf:
+                shares.append(1.0)
+                continue
+            far = (gap - self._clearance) / (self._near_distance - self._clearance)
+            bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
+            shares.append(min(1.0, watch.at.factor * bound / max(speed, 1e-12)))
+        return shares
+
+    def slowed_to_limit(self, watch: Watch, dq: Array) -> Array:
+        """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
+        share = 1.0
+        for tool, asked in zip(watch.at.tools, watch.speeds, strict=True):
+            speed = float(np.linalg.norm(tool.J[:3] @ dq[tool.joints]))
+            most = max(asked, watch.at.factor * self._speed)
+            share = min(share, most / max(speed, 1e-12))
+        return dq if share >= 1.0 else share * dq
+
+    def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
+        """Return the names of barriers that are flagged, the nearest first."""
+        gaps = self.shown(watch, broken).gaps(NAMED, only_active=True)
+        names = tuple(f"clearance:{gap.link}:{gap.other}" for gap in gaps)
+        if np.count_nonzero(broken[watch.sight.near.size :]):
+            names += ("workspace",)
+        return names
+
+    def shown(self, watch: Watch, active: Flags) -> Shown:
+        """Return the pairs for telemetry; `active` flags the barriers that act."""
+        return Shown(watch.sight, self.capsules.links, active[: watch.sight.near.size])
+
+    def shortfall(
+        self, watch: Watch, duration_s: float, low: Array, high: Array, postures: Postures
+    ) -> float:
+        """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
+        at = watch.at
+        way = np.maximum(high - at.q, at.q - low)
+        short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
+        for tool, walls in zip(at.tools, self.walls, strict=True):
+            if not walls.given or walls.far(tool.p, tool.T_wrist_mrf, way):
+                continue
+            times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
+            base = None if at.base is None else at.base.T
+            out = walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
+            short = max(short, out)
+        return short
+
+
+def _arm_of(moves: Flags, counts: Sequence[int]) -> Index:
+    """Return which arm each capsule (c,) is part of; `moves` (c, n) tells which joints move it."""
+    found, first = np.zeros(len(moves), dtype=np.int64), 0
+    for arm, count in enumerate(counts):
+        found[moves[:, first : first + count].any(axis=1)] = arm
+        first += count
+    return found
+
+
+def _whole(tool: Tool, n: int) -> Array:
+    """Return a tool's Jacobian in all joints (6, n)."""
+    if tool.J.shape[1] == n:
+        return tool.J
+    J = np.zeros((6, n))
+    J[:, tool.joints] = tool.J
+    return J
+
+
+@compiled(MATRIX, VECTOR, VECTOR, ROW)
+def _ask(J: Array, asked: Array, dq: Array, fastest: Array) -> tuple[float, float]:
+    """Return the tool's speed [m/s] at rates `asked` (n,), and its greatest rate along any axis.
+
+    J (6, n) is its Jacobian. Each joint's speed (n,), at those rates or at `dq` (n,), is written.
+    """
+    speed2, greatest = 0.0, 0.0
+    for j in range(len(dq)):
+        fastest[j] = max(abs(asked[j]), abs(dq[j]))
+    for i in range(6):
+        rate = 0.0
+        for j in range(len(dq)):
+            rate += J[i, j] * asked[j]
+        greatest = max(greatest, abs(rate))
+        if i < 3:
+            speed2 += rate * rate
+    return math.sqrt(speed2), greatest
+
+
+@compiled(VECTOR, INDEX, INDEX, FLAGS)
+def _least_beside(gap: Array, obstacle: Index, first: Index, tool: Flags) -> float:
+    """Return the least gap (k,) between the tool and an obstacle [m]; infinite without any.
+
+    `tool` says which capsules (c,) are the tool's.
+    """
+    least = np.inf
+    for i in range(len(gap)):
+        if tool[first[i]] and obstacle[i] >= 0:
+            least = min(least, gap[i])
+    return least

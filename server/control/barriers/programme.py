@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
-from ..wheels.led import Led
+from ..wheels import Led
 from .least_distance import KEPT, settled, shortfall
 from .together import PayloadLink, keep
 

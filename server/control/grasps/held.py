@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..spatial import Array, Pose
-from ..task.sources.force import ForceState
+from ..task.sources import ForceState
 from ..task.task import TaskMemory
 
 

@@ -1,14 +1,7 @@
-"""A joint task: one sum of sources, one payload, and each arm's part in moving it.
+"""A joint task: one sum of sources, one payload, and each arm's part in moving it."""
 
-The common twist of the MRF is that of stick, position, vision and frames. Each arm moves its Wrist
-by it with its own lever (Williams 1997, eq. 1 and section 3), and gives way at its own grasp to
-what is not its share of the load (`forces.py`). So arms that do not agree on where the payload is,
-as calibration never makes them, do not press it.
-
-The payload's pose is the mean of the arms' views, which follow it slowly (`grasps/views.py`).
-"""
-
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -16,28 +9,255 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
-from ..arm.arm import Arm
-from ..arm.asking import ArmReading
-from ..arm.context import path_of_mrf
-from ..evolve import evolve
+from ..arm import Arm
+from ..asking import ArmReading, Wanted, context_of, path_of_mrf, quantities
+from ..barriers.together import PayloadLink
+from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import Held, Holding
 from ..grasps.views import apart, mean_of
 from ..mechanism.joint_rates import Around
-from ..mechanism.kinematics import Kinematics, at_mrf
-from ..mechanism.null_space.redundancy import ObjectiveGains
-from ..mechanism.wrist import WristMemory
-from ..rigid_body import rotate_twist
-from ..spatial import Array, Pose
+from ..mechanism.model import Kinematics, at_mrf
+from ..mechanism.redundancy import ObjectiveGains
+from ..mechanism.wrench import WristMemory
+from ..proximity.capsules import Forest
+from ..scene import Index
+from ..spatial import Array, Pose, rotate_twist
 from ..state import Inputs, Intent, Memory, Output
-from ..task.sources.force import ForceState
-from ..task.task import TaskMemory
-from .at_fault import AtFault, Moving
-from .common import Common
-from .forces import SLIPPED_S, GivingWay, Grasping, light_s
-from .grips import Grips
-from .members import Member, Together
-from .stretch import relative_speed
-from .weighing import Told, weighed
+from ..stop.limiter import Limiter
+from ..stop.profile import Stop
+from ..task.source import Granted
+from ..task.sources import ForceState
+from ..task.task import Task, TaskMemory
+from .forces import SLIPPED_S, AtFault, GivingWay, Grasping, Grips, Moving, Told, light_s, weighed
+
+# --- The common twist of a shared MRF: the sources of a joint task, asked as those of one arm -----
+
+AT_EACH_GRASP = ("force", "following")
+"""Sources that do not act at the shared MRF."""
+
+SLID = 0.99
+"""A payload that does less than this part of what its path does has been turned off it [1]."""
+
+
+class Common:
+    """The sources of one joint task."""
+
+    def __init__(self, section: JointTaskSection, first: Arm, p_wrist_mrf: Array) -> None:
+        """Build them; the `first` arm's Wrist has the MRF at `p_wrist_mrf` (3,) at start."""
+        self._task = Task(section.sources, section.schedules, first.p.shaping)
+        self._wrist, self._p_wrist_mrf = first.stages.wrist, p_wrist_mrf
+        self.idle = self._task.idle
+
+    def summed(
+        self,
+        memory: TaskMemory,
+        first: Memory,
+        told: Inputs,
+        wrist: WristMemory,
+        k: Kinematics,
+        T_world_mrf: Pose,
+    ) -> tuple[TaskMemory, dict[str, Array]]:
+        """Return the task's memory and the twists (6,) of its sources, at the mean MRF.
+
+        They are asked as those of one arm would be, whose Wrist is where the first one's would be
+        if all views agreed.
+        """
+        mrf = told.settings.T_wrist_mrf
+        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, k.J)
+        moving = told.intent is Intent.MOVE
+        since_s = first.moving_since_s if first.moving_since_s is not None else told.time_s
+        memory = self._task.tuned(
+            memory,
+            told.settings.gains,
+            lambda: quantities(wrist, told, there, told.time_s - since_s),
+            moving,
+            told.settings.at_once,
+        )
+        context = context_of(
+            first.motion.dq, None, wrist, None, told, there,
+            self._wrist, there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p), None, None,
+        )  # fmt: skip
+        all_gains = memory.gains
+        common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
+        memory, twists = self._task.twists(memory._replace(gains=common), context)
+        return memory._replace(gains=all_gains), twists
+
+    def advanced(
+        self, memory: TaskMemory, twist: Array, T_world_mrf: Pose, first: Output, pace: float
+    ) -> TaskMemory:
+        """Return the memory after a tick in which the `first` arm did what its output says.
+
+        `twist` (6,) was asked for; a path may go on at a part `pace` (0 to 1) of its own speed.
+        """
+        stopped = "verified_stop" in first.limits
+        share = 0.0 if stopped else first.scale
+        granted = Granted(
+            share, 0.0 if stopped else pace, first.scale < SLID * pace, twist, T_world_mrf
+        )
+        return self._task.advanced(memory, granted)
+
+
+# --- Results of a joint task in one tick: for each of its arms, and for all -----------------------
+
+
+class Member(NamedTuple):
+    """One arm's part in a joint task in one tick."""
+
+    memory: Memory
+    inputs: Inputs
+    """Its own, with the MRF where it sees it, and nothing that commands it alone."""
+    seen: ArmReading
+    wanted: Wanted
+    give_way: Array
+    """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
+    holding: Holding
+
+    def slowed(self, share: float, limit: str) -> "Member":
+        """Return the same at a share of its speed, which a limit of that name left."""
+        wanted = self.wanted._replace(
+            dq=share * self.wanted.dq,
+            scale=share * self.wanted.scale,
+            limits=(*self.wanted.limits, limit),
+        )
+        return self._replace(wanted=wanted, give_way=share * self.give_way)
+
+
+class Together(NamedTuple):
+    """A joint task in one tick."""
+
+    members: tuple[Member, ...]
+    T_world_mrf: Pose
+    """The mean of the arms' views."""
+    shared: TaskMemory
+    twists: dict[str, Array]
+    twist: Array
+    """The common twist (6,)."""
+    share: float
+    """Part of it that the tool's speed bounds allow, 0 to 1 [1]."""
+    strained: str | None
+    """`internal_force` or `internal_moment`: which is beyond its bound while the arms may move."""
+    slipped: bool
+    """The payload slipped out of a grasp."""
+    grasps: Array
+    """Where the grasps are, seen from the MRF (k, 3) [m]."""
+    contact: Array | None
+    """Wrench (6,) of the payload on what it touches, at and in the MRF; None when one is stale."""
+    giving_way: float
+    """Greatest relative speed of two grasps that force control asks for [m/s]."""
+
+
+# --- The promise of stretch: how far grasps of one payload move apart along a stop ----------------
+#
+# Arms that stop in proportion go along straight lines in joint space, which bend apart in the
+# payload by d²/2R. A stop that would stretch the payload by more than is promised is none, so
+# that the arms are slower where it bends too much.
+
+STEP_S = 0.03
+"""A stop is looked at every so long [s]."""
+
+MOST_SAMPLES = 24
+"""At so many instants at most [1]."""
+
+Carried = tuple[Array, Array]
+"""Where bodies that joints move have the MRF: R (k, 3, 3) and p (k, 3) [m]."""
+
+
+class Stretch:
+    """How far the grasps of some mechanisms of a cell move apart along stops."""
+
+    def __init__(self, cell: Cell, members: Sequence[int], promised: float) -> None:
+        """Build it for mechanisms by their places in the cell; `promised` is the bound [m]."""
+        self._forest, self._promised = Forest(cell), promised
+        parts = [cell.parts[i] for i in members]
+        found = [self._forest.body_of(p.prefix + p.config.mechanism.tip_link) for p in parts]
+        self._joints = np.array([body - 1 for body, _ in found])
+        self._T_body_wrist = [T for _, T in found]
+
+    def carried(self, views: Sequence[Pose]) -> Carried:
+        """Return where each arm has the MRF; `views` are their T_wrist_mrf."""
+        in_body = [T @ view for T, view in zip(self._T_body_wrist, views, strict=True)]
+        return np.array([T.R for T in in_body]), np.array([T.p for T in in_body])
+
+    def shortfall(self, stop: Stop, carried: Carried, grasps: Array, giving_way: float) -> float:
+        """Return by how much grasps move apart more than is promised [m], 0 for not.
+
+        `carried` is where each arm has the MRF, `grasps` (k, 3) where the grasps are in it [m].
+        `giving_way` is the relative speed that force control asks for [m/s]: coming to rest from
+        that is no stretch.
+        """
+        to_go_s = stop.to_go_s
+        if to_go_s <= 0.0:
+            return 0.0
+        samples = min(MOST_SAMPLES, 2 + int(to_go_s / STEP_S))
+        times = np.arange(samples, dtype=np.float64) * (to_go_s / (samples - 1))
+        times[-1] = to_go_s
+        frames = self._forest.frames(stop.postures(times))
+        places = np.empty((samples, len(self._joints), len(grasps), 3))
+        most = _most_apart(frames, self._joints, *carried, grasps, places)
+        allowed = self._promised + 0.5 * giving_way * to_go_s
+        return max(0.0, math.sqrt(most) - allowed)
+
+
+def relative_speed(twists: Sequence[Array]) -> float:
+    """Return the greatest difference in speed [m/s] of two twists (6,)."""
+    most = 0.0
+    for i, a in enumerate(twists):
+        for b in twists[:i]:
+            apart = (a - b)[:3]
+            most = max(most, float(apart @ apart))
+    return math.sqrt(most)
+
+
+@compiled(ARRAY4, INDEX, ARRAY3, MATRIX, MATRIX, BLOCK)
+def _most_apart(
+    frames: Array, joints: Index, R: Array, p: Array, grasps: Array, places: Array
+) -> float:
+    """Return the greatest square [m²] of how far two arms take one point of the payload apart.
+
+    Each of k arms carries the points (j, 3) [m], where they are at `R` (k, 3, 3) and `p` (k, 3) in
+    the body that a joint moves; `frames` (s, n, 3, 4) are the joints' frames at s instants, the
+    first of which is what counts from. Places (s, k, j, 3) are filled in.
+    """
+    samples, arms, points, _ = places.shape
+    for arm in range(arms):
+        for point in range(points):
+            for i in range(3):
+                in_body = p[arm, i]
+                for axis in range(3):
+                    in_body += R[arm, i, axis] * grasps[point, axis]
+                places[0, arm, point, i] = in_body
+            x, y, z = places[0, arm, point, 0], places[0, arm, point, 1], places[0, arm, point, 2]
+            joint = joints[arm]
+            for s in range(samples):
+                for i in range(3):
+                    places[s, arm, point, i] = (
+                        frames[s, joint, i, 0] * x
+                        + frames[s, joint, i, 1] * y
+                        + frames[s, joint, i, 2] * z
+                        + frames[s, joint, i, 3]
+                    )
+    most = 0.0
+    for arm in range(1, arms):
+        for other in range(arm):
+            for point in range(points):
+                for s in range(1, samples):
+                    square = 0.0
+                    for i in range(3):
+                        way = places[s, arm, point, i] - places[s, other, point, i]
+                        way -= places[0, arm, point, i] - places[0, other, point, i]
+                        square += way * way
+                    most = max(most, square)
+    return most
+
+
+# --- A joint task: one sum of sources, one payload, and each arm's part in moving it --------------
+#
+# The common twist of the MRF is that of stick, position, vision and frames. Each arm moves its
+# Wrist by it with its own lever (Williams 1997, eq. 1 and section 3), and gives way at its own
+# grasp to what is not its share of the load (`forces.py`). So arms that do not agree on where
+# the payload is, as calibration never makes them, do not press it.
+#
+# The payload's pose is the mean of the arms' views, which follow it slowly (`grasps/views.py`).
 
 FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""
@@ -328,3 +548,188 @@ def _of_member(own: Inputs, told: Inputs, held: Held, T_payload_mrf: Pose) -> In
         own, settings=settings, stick=None, jog=None, goal=None, view=None, posture=None,
         T_wrist_goal=None, wrench_desired=told.wrench_desired, at_posture=told.at_posture,
     )  # fmt: skip
+
+
+# --- Joint tasks on and off, at rest: arms that each have a task alone, and that hold one payload
+
+AT_REST = 1e-9
+"""Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
+
+
+class HoldRefused(Exception):
+    """Arms cannot hold a payload together, or let go of it, now: it says why."""
+
+
+def held_together(
+    task: JointTask, memories: Sequence[Memory], q: Sequence[Array], always: bool = False
+) -> tuple[Memory, ...]:
+    """Return the memories of all arms, with those of a task that hold its payload from now on.
+
+    `q` are the joints of each arm (n,) as they were measured: grasps are what they make of them.
+    Raises `HoldRefused` for arms that move, that hold another payload, and for grasps that do not
+    fit, but for the last if it is `always`.
+    """
+    for i, arm in zip(task.members, task.arms, strict=True):
+        held = memories[i].held
+        if held is not None and held.task != task.name:
+            raise HoldRefused(f"{_name(arm)} holds '{held.task}'")
+    _require_rest(task, memories)
+    misfit = task.grips.misfit([q[i] for i in task.members])
+    if misfit > FIT_M and not always:
+        raise HoldRefused(
+            f"the grasps are {1e3 * misfit:.0f} mm from fitting each other: at most "
+            f"{1e3 * FIT_M:.0f} mm"
+        )
+    measured = [
+        arm.mechanism.pose_wrist(q[i]) for i, arm in zip(task.members, task.arms, strict=True)
+    ]
+    found = list(memories)
+    grasps, _ = task.grips.taken(measured, [memories[i] for i in task.members])
+    for i, arm, held in zip(task.members, task.arms, grasps, strict=True):
+        found[i] = evolve(_idle(arm, memories[i]), held=held)
+    return tuple(found)
+
+
+def let_go(task: JointTask, memories: Sequence[Memory]) -> tuple[Memory, ...]:
+    """Return the memories of all arms, with those of a task that each have a task alone from now.
+
+    Raises `HoldRefused` for arms that move.
+    """
+    _require_rest(task, memories)
+    found = list(memories)
+    for i, arm in zip(task.members, task.arms, strict=True):
+        found[i] = evolve(_idle(arm, memories[i]), held=None)
+    return tuple(found)
+
+
+def _idle(arm: Arm, memory: Memory) -> Memory:
+    """Return the memory of an arm whose task was asked for nothing yet; its gains stay."""
+    idle = arm.stages.task.idle
+    retreat = None if arm.stages.retreat is None else arm.stages.retreat.start
+    return evolve(memory, task=idle._replace(gains=memory.task.gains), retreat=retreat)
+
+
+def _require_rest(task: JointTask, memories: Sequence[Memory]) -> None:
+    for i, arm in zip(task.members, task.arms, strict=True):
+        if not memories[i].motion.stands(AT_REST):
+            raise HoldRefused(f"{_name(arm)} moves")
+
+
+def _name(arm: Arm) -> str:
+    """Return how an arm is called: by the mechanism that its joints bear the name of."""
+    return arm.p.joints.names[0].partition(".")[0]
+
+
+# --- The joint tasks of a cell, those of them that are on, and what they mean for the whole tick
+
+LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
+"""Builds the limiter of a cell in which the joints of groups of arms stop in proportion."""
+
+
+class On(NamedTuple):
+    """One joint task that is on, in one tick."""
+
+    task: JointTask
+    together: Together
+    stretch: Stretch
+    carried: Carried
+
+    @property
+    def stops(self) -> bool:
+        """True while the arms may not move on: pressed too hard, or without the payload."""
+        return self.together.strained is not None or self.together.slipped
+
+    @property
+    def link(self) -> PayloadLink:
+        """Its arms, for the barriers."""
+        ways = [member.give_way for member in self.together.members]
+        return PayloadLink(np.array(self.task.members), np.array(ways))
+
+    def shortfall(self, stop: Stop) -> float:
+        """Return by how much a stop stretches the payload more than is promised [m]."""
+        together = self.together
+        return self.stretch.shortfall(stop, self.carried, together.grasps, together.giving_way)
+
+
+class JointTasks:
+    """The joint tasks of one cell."""
+
+    def __init__(self, cell: Cell, arms: Sequence[Arm], limiter_of: LimiterOf) -> None:
+        """Build them. Raises `ConfigError` where grasps do not fit at the start."""
+        self.tasks = JointTask.of(cell, arms)
+        self._stretches = [Stretch(cell, t.members, t.section.stretch) for t in self.tasks]
+        self._limiter_of = limiter_of
+        # Scratch: limiters by the arms whose joints are a group.
+        self._limiters: dict[tuple[tuple[int, ...], ...], Limiter] = {}
+
+    def seeded(
+        self, memories: tuple[Memory, ...], q: Sequence[Array], on: Collection[str] | None
+    ) -> tuple[Memory, ...]:
+        """Return the memories of arms at rest, each at its q (n,), that hold payloads.
+
+        Those of the tasks `on`; of those that are at start, if None.
+        """
+        for task in self.tasks:
+            if task.section.at_start if on is None else task.name in on:
+                memories = held_together(task, memories, q, always=True)
+        return memories
+
+    def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[On]:
+        """Return those that are on, with what they ask of their arms."""
+        found = []
+        for task, stretch in zip(self.tasks, self._stretches, strict=True):
+            if task.on(memories):
+                together = task.ask(memories, inputs)
+                views = [member.inputs.settings.T_wrist_mrf for member in together.members]
+                found.append(On(task, together, stretch, stretch.carried(views)))
+        return found
+
+    def switched(
+        self, name: str, on: bool, memories: Sequence[Memory], q: Sequence[Array]
+    ) -> tuple[Memory, ...]:
+        """Return the memories of all arms once a task is on or off; `q` are measured joints (n,).
+
+        Raises `HoldRefused` where that is not possible now, `KeyError` for a task that there is
+        not.
+        """
+        task = {task.name: task for task in self.tasks}[name]
+        if not on:
+            return let_go(task, memories) if task.on(memories) else tuple(memories)
+        return tuple(memories) if task.on(memories) else held_together(task, memories, q)
+
+    def limiter(self, on: Sequence[On]) -> Limiter:
+        """Return the limiter of a cell in which these tasks are on."""
+        groups = tuple(each.task.members for each in on)
+        if groups not in self._limiters:
+            self._limiters[groups] = self._limiter_of(groups)
+        return self._limiters[groups]
+
+
+def members_of(on: Sequence[On]) -> dict[int, Member]:
+    """Return the parts that arms have in joint tasks, by the arms' places."""
+    return {
+        i: member
+        for each in on
+        for i, member in zip(each.task.members, each.together.members, strict=True)
+    }
+
+
+def finish(
+    on: Sequence[On],
+    inputs: Sequence[Inputs],
+    paces: Sequence[float],
+    memories: list[Memory],
+    outputs: list[Output],
+) -> None:
+    """Put what is common to the arms of each joint task into their memories and outputs."""
+    for each in on:
+        members = each.task.members
+        found = each.task.finish(
+            each.together,
+            inputs[members[0]],
+            [memories[i] for i in members],
+            [outputs[i] for i in members],
+            each.together.share * paces[members[0]],
+        )
+        for i, memory, output in zip(members, *found, strict=True):
+            memories[i], outputs[i] = memory, output

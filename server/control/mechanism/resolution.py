@@ -1,26 +1,380 @@
-"""Tool rates into joint rates: dq = J⁺ẋ + (I − J⁺J) z (Williams 1997, eqs. 2 and 7).
+"""Tool rates into joint rates, beside singularities too (Williams 1997, eqs. 2 and 7)."""
 
-Exact away from singularities. Near one, damping grows smoothly as the singular value falls,
-λᵢ² = λm² (1 − (σᵢ/σ₀)²), so nothing jumps, and |dq| ≤ |ẋ| / (2 λm √(1 − λm²/σ₀²)).
-Damping alone would let an arm creep ever closer to a singularity that bounds its workspace, such
-as the stretched elbow, and then hold it there: at σ = 0 the joints hear nothing of a command to
-come back. So the direction that a small singular value belongs to is looked at one derivative
-further (`singularity.py`). For a fixed twist the rates are a continuous function of the posture,
-but for one choice: the side to which an elbow at σ ≈ 0 bends.
-
-Some arms never reach some axes: a planar chain moves in three, five joints in five. What is asked
-along the others is not answered, and does not count as a singularity.
-"""
-
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ....config.schema.cell import ResolveSection
-from ..compiled import COUNT, MATRIX, NUMBER, ROW, VECTOR, compiled
+from ..compiled import COUNT, FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled, record
 from ..spatial import Array
-from .singularity import Directions, Travel, answer
 from .svd import svd
+
+# --- Damped joint rates beside a singularity, and the curvature of the workspace's boundary:
+# kernels
+#
+# `resolution.py` says how they make an answer.
+
+Apart = tuple[Array, float, Array, Array, Array, Array, Array]
+DIRECTIONS = record(MATRIX, NUMBER, MATRIX, VECTOR, MATRIX, MATRIX, VECTOR)
+"""`singularity.Directions`, as a plain tuple."""
+
+CURVED = 0.05
+"""Curvature from which a singularity counts as a boundary of the workspace [m/rad²]."""
+
+_BRAKING = 3.0
+"""Deceleration with which joints approach a boundary of the workspace [rad/s²]."""
+
+_ALIKE = 0.5
+"""Singular values that differ by less than this part of the larger are looked at together [1]."""
+
+_UNKNOWN = 0.1
+"""Below this part of the floor a direction may be mixed with those that are never reached [1]."""
+
+NO_COMMAND = 1e-9
+"""A command along a direction is none below this [m/s]."""
+
+
+@compiled(NUMBER, NUMBER, NUMBER)
+def damped_gain(sigma: float, region: float, damping: float) -> float:
+    """Return joint rate per tool rate along a direction [1/m]."""
+    if sigma >= region:
+        return 1.0 / sigma
+    return sigma / (sigma**2 + damping**2 * (1.0 - (sigma / region) ** 2))
+
+
+@compiled(NUMBER, NUMBER, NUMBER)
+def full_gain(sigma: float, region: float, damping: float) -> float:
+    """Return the damped gain, no weaker than at λm: there it is about greatest."""
+    return damped_gain(max(sigma, damping), region, damping)
+
+
+@compiled(NUMBER, NUMBER)
+def _below(sigma: float, floor: float) -> float:
+    """Return how far a singular value is below the floor: 0 there, 1 from half of it."""
+    return min(1.0, max(0.0, 2.0 * (1.0 - sigma / floor)))
+
+
+@compiled(VECTOR, COUNT, NUMBER)
+def _all_below(sigma: Array, rank: int, floor: float) -> Array:
+    """Return how far directions (6,) are below the floor.
+
+    Those that are never reached count only where they cannot be told from one that is: close to 0.
+    """
+    found = np.empty(6)
+    for i in range(6):
+        if i < rank:
+            found[i] = _below(sigma[i], floor)
+        else:
+            found[i] = max(0.0, 1.0 - sigma[rank - 1] / (_UNKNOWN * floor))
+    return found
+
+
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER)
+def bend(J: Array, a: Array, b: Array, length: float) -> Array:
+    """Return the tool's acceleration (6,) under joint motions a and b (n,): (∂J/∂q · a) b.
+
+    In closed form: of two joints, the one nearer to the base turns what the other does,
+    ∂_k v_j = ω_min(j,k) × v_max(j,k), and ∂_k ω_j = ω_k × ω_j for k < j, else 0. Rotations weigh
+    `length` [m/rad].
+    """
+    found, w, v = np.zeros(6), np.zeros(3), np.zeros(3)
+    for j in range(len(a)):
+        for i in range(3):
+            v[i] += a[j] * J[i, j]
+    for j in range(len(a)):
+        vx, vy, vz, x, y, z = J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
+        found[3] += length * b[j] * (w[1] * z - w[2] * y)
+        found[4] += length * b[j] * (w[2] * x - w[0] * z)
+        found[5] += length * b[j] * (w[0] * y - w[1] * x)
+        w[0], w[1], w[2] = w[0] + a[j] * x, w[1] + a[j] * y, w[2] + a[j] * z
+        v[0], v[1], v[2] = v[0] - a[j] * vx, v[1] - a[j] * vy, v[2] - a[j] * vz
+        found[0] += b[j] * (w[1] * vz - w[2] * vy + y * v[2] - z * v[1])
+        found[1] += b[j] * (w[2] * vx - w[0] * vz + z * v[0] - x * v[2])
+        found[2] += b[j] * (w[0] * vy - w[1] * vx + x * v[1] - y * v[0])
+    return found
+
+
+@compiled(DIRECTIONS, NUMBER, FLAG, NUMBER, NUMBER, NUMBER)
+def damped_rates(
+    at: Apart, share: float, turned: bool, region: float, damping: float, floor: float
+) -> tuple[Array, bool]:
+    """Return rates (n,) [rad/s] along the directions' own motions, and whether damping acts.
+
+    The way home answers `share` of the command below the floor, in place of these.
+    """
+    J, length, U, sigma, V, _, along = at
+    rank, n = V.shape
+    dq, singular = np.zeros(n), False
+    u, v = np.empty(6), np.empty(n)
+    for i in range(rank):
+        s, d = sigma[i], along[i]
+        natural = damped_gain(s, region, damping)
+        gain = natural
+        if s < 2.0 * region and abs(d) > NO_COMMAND:
+            # The command along this direction and those that are like it, as one.
+            size2 = 0.0
+            for r in range(6):
+                u[r] = 0.0
+            for j in range(n):
+                v[j] = 0.0
+            for k in range(rank):
+                like = 1.0
+                if k != i:
+                    like -= abs(sigma[k] - s) / max(sigma[k], s) / _ALIKE
+                if like > 0.0:
+                    part = like * along[k]
+                    size2 += part * part
+                    for r in range(6):
+                        u[r] += part * U[r, k]
+                    for j in range(n):
+                        v[j] += part * V[k, j]
+            size, curvature = math.sqrt(size2), 0.0
+            for j in range(n):
+                v[j] /= size
+            way = bend(J, v, v, length)
+            for r in range(6):
+                curvature += u[r] / size * way[r]
+            # A singularity without curvature, as a wrist's, is no boundary: nothing is held there.
+            bound = min(1.0, abs(curvature) / CURVED)
+            if curvature > 0.0:
+                answered = max(natural, full_gain(s, region, damping))
+            else:
+                room = max(0.0, s - floor)
+                fastest = math.sqrt(2.0 * _BRAKING * room / max(-curvature, 1e-9))
+                answered = min(natural, fastest / size)
+            # All of that up to 1.5 σ0, and nothing of it from 2 σ0.
+            bound *= min(1.0, max(0.0, 2.0 * (2.0 - s / region)))
+            gain += bound * (answered - natural)
+            below = _below(s, floor)
+            if below > 0.0:
+                left = (1.0 - share) * (natural if curvature >= 0.0 else min(natural, gain))
+                gain = 0.0 if turned else gain + below * (left - gain)
+            singular = singular or below > 0.0 or gain * s < 0.999
+        for j in range(n):
+            dq[j] += gain * d * V[i, j]
+    return dq, singular
+
+
+@compiled(DIRECTIONS, NUMBER, NUMBER)
+def unfelt_motions(
+    at: Apart, region: float, floor: float
+) -> tuple[Array, float, Array, Array, Array]:
+    """Return the command below the floor, along U (6,), its size, and motions hardly felt there.
+
+    The motions are orthogonal (m, n): first scaled by how little they are felt, then of unit size.
+    Last comes their curvature along the command (m, m), the symmetric part.
+    """
+    J, length, U, sigma, V, null, along = at
+    rank, n = V.shape
+    below = _all_below(sigma, rank, floor)
+    parts, size, u = np.empty(6), 0.0, np.zeros(6)
+    for i in range(6):
+        parts[i] = below[i] * along[i]
+        size += parts[i] * parts[i]
+    size = math.sqrt(size)
+    first = rank
+    while first > 0 and sigma[first - 1] < region:
+        first -= 1
+    m = n - first
+    basis, rows, bends = np.empty((m, n)), np.empty((m, n)), np.zeros((m, m))
+    if size <= NO_COMMAND:
+        return parts, size, basis, rows, bends
+    for r in range(6):
+        for i in range(6):
+            u[r] += parts[i] / size * U[r, i]
+    for k in range(m):
+        scale = 1.0
+        if first + k < rank:
+            scale = min(1.0, (region - sigma[first + k]) / (region - floor))
+        for j in range(n):
+            rows[k, j] = V[first + k, j] if first + k < rank else null[first + k - rank, j]
+            basis[k, j] = scale * rows[k, j]
+    for a in range(m):
+        for b in range(m):
+            way = bend(J, basis[a], basis[b], length)
+            for r in range(6):
+                bends[a, b] += 0.5 * u[r] * way[r]
+                bends[b, a] += 0.5 * u[r] * way[r]
+    return parts, size, basis, rows, bends
+
+
+@compiled(DIRECTIONS, VECTOR, VECTOR, NUMBER, NUMBER)
+def bending_share(
+    at: Apart, parts: Array, direction: Array, floor: float, per_bend: float
+) -> float:
+    """Return the share of the command below the floor (6,) that a motion (n,) answers as it bends.
+
+    Its bend counts where directions are below the floor: times `per_bend` [rad²/m], up to 1, and
+    as far as it is along the command.
+    """
+    J, length, U, sigma, V, _, _ = at
+    below = _all_below(sigma, len(V), floor)
+    way, size2, bend2, common = bend(J, direction, direction, length), 0.0, 0.0, 0.0
+    for i in range(6):
+        part = 0.0
+        for r in range(6):
+            part += U[r, i] * way[r]
+        part *= below[i]
+        size2 += parts[i] * parts[i]
+        bend2 += part * part
+        common += parts[i] * part
+    if common <= 0.0:
+        return 0.0
+    most = math.sqrt(bend2)
+    return min(1.0, most * per_bend) * common / (most * math.sqrt(size2))
+
+
+@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+def bounded(
+    damped: Array, home: Array, along: Array, region: float, damping: float
+) -> tuple[Array, float]:
+    """Return the sum of two rates (n,), no greater than damping alone bounds it, and the share."""
+    asked = rate = 0.0
+    for i in range(6):
+        asked += along[i] * along[i]
+    for j in range(len(damped)):
+        rate += (damped[j] + home[j]) ** 2
+    most = math.sqrt(asked) / (2.0 * damping * math.sqrt(1.0 - (damping / region) ** 2))
+    share = min(1.0, most / max(math.sqrt(rate), 1e-12))
+    dq = np.empty(len(damped))
+    for j in range(len(damped)):
+        dq[j] = share * (damped[j] + home[j])
+    return dq, share
+
+
+# --- Joint rates beside a singularity: held off its boundary, led home from it --------------------
+#
+# With u the tool direction that fades, v the joint motion that fades with it, σ the singular
+# value and κ = uᵀ (∂J/∂q · v) v the curvature of the boundary: a command along u against κ
+# leads out of the workspace, and the motion v that answers it is braked so as to end above σ =
+# 0; one along κ leads home, and is answered with the full damped gain however small σ is.
+#
+# At σ = 0 there is more than one motion that the tool hardly feels, and v is any of them. The
+# one that counts bends most along the command: the greatest eigenvalue of uᵀ (∂J/∂q · a) b over
+# that whole space. The way home along it can be gone in two senses, elbow up and elbow down:
+# that which is uphill in σ is chosen; joint limits decide where they leave only one open.
+# Nothing else jumps:
+#
+# - directions whose singular values are nearly the same are looked at together, as the command
+#   divides between them: where two cross, u and v are any of their sums;
+# - from v to the motion that bends most the answer goes over between floor and half of it, and
+#   motions count as unfelt the more the smaller their singular values are;
+# - where σ is zero, u may be any sum with directions that the arm never reaches: close to there,
+#   these count as well, as directions without a motion.
+
+_TRAVEL = 0.4
+"""A way home with less joint travel than this is not taken if the other has more [rad]."""
+
+_SHARED = 0.2
+"""Motions whose curvatures differ by less than this part of the greatest share the way home [1]."""
+
+
+class Travel(NamedTuple):
+    """How far each joint may still go (n,) [rad]."""
+
+    below: Array
+    above: Array
+
+    def along(self, direction: Array) -> float:
+        """Return how far all joints can go along a unit direction (n,) before one is stopped."""
+        room = np.where(direction > 0.0, self.above, self.below)
+        return float((room / np.maximum(np.abs(direction), 1e-9)).min())
+
+
+class Directions(NamedTuple):
+    """The weighted Jacobian taken apart, and a command."""
+
+    J: Array
+    """The Jacobian (6, n), not weighted."""
+    length: float
+    """Rotations weigh so much [m/rad]."""
+    U: Array
+    """Tool directions (6, 6)."""
+    sigma: Array
+    """Singular values (6,); zero for directions that the arm never reaches."""
+    V: Array
+    """Joint motions (r, n) of the directions that it reaches, the first ones."""
+    null: Array
+    """Spare motions (n − r, n)."""
+    along: Array
+    """Parts of the weighted command along U (6,)."""
+
+
+class _WayHome(NamedTuple):
+    """The motion that bends most along a command."""
+
+    way: Array
+    """Rates (n,) per gain, in the sense to be gone [m/s]."""
+    share: float
+    """Part of the command that is answered so, 0 to 1."""
+    turned: bool
+    """True where joint limits bar the way that is uphill."""
+
+
+class Answer(NamedTuple):
+    """Joint rates for a command, and how they came about."""
+
+    dq: Array
+    """(n,) [rad/s]."""
+    way_home: Array | None
+    """The part (n,) of them along motions that bend most [rad/s]; None: none."""
+    singular: bool
+    """True where damping acts on what was asked."""
+
+
+def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Answer:
+    """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
+    region, damping = p.singular_region, p.damping
+    least = float(at.sigma[len(at.V) - 1])
+    way = _way_home(at, p, travel) if least < p.floor else None
+    share, turned = (0.0, False) if way is None else (way.share, way.turned)
+    damped, singular = damped_rates(at[:], share, turned, region, damping, p.floor)
+    home = np.zeros(len(damped)) if way is None else full_gain(least, region, damping) * way.way
+    dq, part = bounded(damped, home, at.along, region, damping)
+    return Answer(dq, None if way is None else part * home, singular)
+
+
+def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayHome | None:
+    """Return the motion that the tool hardly feels and that bends most along a command."""
+    parts, size, basis, rows, bend = unfelt_motions(at[:], p.singular_region, p.floor)
+    if size <= NO_COMMAND:
+        return None
+    values, vectors = np.linalg.eigh(bend)
+    # Where motions bend both ways, those that bend more decide which way leads home.
+    most, lead = float(values[-1]), float(values[-1] + min(values[0], 0.0))
+    if lead <= 0.0:
+        return None
+    alike = np.maximum(0.0, 1.0 - (most - values) / (_SHARED * most))
+    uphill = (at.sigma * parts)[: len(at.V)] @ at.V
+    direction = ((vectors * alike) @ (vectors.T @ (rows @ uphill))) @ basis
+    size_uphill = math.sqrt(float(direction @ direction))
+    if size_uphill <= 1e-3 * NO_COMMAND * size:
+        direction = vectors[:, -1] @ basis
+        size_uphill = math.sqrt(float(direction @ direction))
+    direction = direction / size_uphill
+    per_bend = lead / most / CURVED
+    share = bending_share(at[:], parts, direction, p.floor, per_bend)
+    if share <= 0.0:
+        return None
+    turned = travel is not None and (
+        travel.along(direction) < min(_TRAVEL, travel.along(-direction))
+    )
+    return _WayHome((-1.0 if turned else 1.0) * share * size * direction, share, turned)
+
+
+# --- Tool rates into joint rates: dq = J⁺ẋ + (I − J⁺J) z (Williams 1997, eqs. 2 and 7) ------------
+#
+# Exact away from singularities. Near one, damping grows smoothly as the singular value falls,
+# λᵢ² = λm² (1 − (σᵢ/σ₀)²), so nothing jumps, and |dq| ≤ |ẋ| / (2 λm √(1 − λm²/σ₀²)). Damping
+# alone would let an arm creep ever closer to a singularity that bounds its workspace, such as
+# the stretched elbow, and then hold it there: at σ = 0 the joints hear nothing of a command to
+# come back. So the direction that a small singular value belongs to is looked at one derivative
+# further (`resolution.py`). For a fixed twist the rates are a continuous function of the
+# posture, but for one choice: the side to which an elbow at σ ≈ 0 bends.
+#
+# Some arms never reach some axes: a planar chain moves in three, five joints in five. What is
+# asked along the others is not answered, and does not count as a singularity.
 
 
 class Resolved(NamedTuple):

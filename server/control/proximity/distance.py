@@ -1,18 +1,73 @@
-"""Distances of segments from segments and boxes, in closed form.
-
-Things are counted: first the arm's capsules, then the scene's rounds, then its boxes. All are taken
-without their radii. The normal points from the second thing to the first: moving the first along it
-widens the distance.
-"""
+"""Distances in closed form: of segments and points from segments and boxes, and their gaps."""
 
 import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from ..compiled import ARRAY3, ARRAY4, ATTITUDE, COUNT, INDEX, MATRIX, NUMBER, XYZ, compiled
-from ..scene import Index
+from ..compiled import (
+    ARRAY3,
+    ARRAY4,
+    ATTITUDE,
+    COUNT,
+    COUNTS,
+    FLAGS,
+    FLAGS2,
+    INDEX,
+    MATRIX,
+    NUMBER,
+    ROW,
+    TABLE,
+    VECTOR,
+    XYZ,
+    compiled,
+    record,
+)
+from ..scene import Flags, Index, Scene
 from ..spatial import Array
-from .records import MEASURED, OBSTACLES, PAIRS, Near, Obstacles, Pairs
+
+# --- Arrays that belong together, as the kernels of this room take them: plain tuples in one order
+
+TreeArrays = tuple[Index, Flags, Array, Array]
+TREE: Final = record(INDEX, FLAGS, ARRAY4, MATRIX)
+"""`forest.Tree`."""
+
+Roots = tuple[Array, Array]
+ROOTS: Final = record(ARRAY4, ARRAY3)
+"""Attitudes (s, r, 3, 3) and places (s, r, 3) [m] of roots in World; s = 1 where none moves."""
+
+PlacedArrays = tuple[Array, Array, Array]
+PLACED: Final = record(ARRAY4, ARRAY4, ARRAY3)
+"""`capsules.Placed`."""
+
+Bodies = tuple[Array, Flags, Flags]
+BODIES: Final = record(VECTOR, FLAGS2, FLAGS)
+"""Radii of capsules (c,) [m], which joints move them (c, n), which joints are prismatic (n,)."""
+
+Pairs = tuple[Index, Index]
+PAIRS: Final = record(INDEX, INDEX)
+"""Of k pairs: the capsule `first` (k,) and the thing `second` (k,), as `distance.py` counts it."""
+
+Obstacles = tuple[Array, Array, Array, Array, Array]
+OBSTACLES: Final = record(MATRIX, MATRIX, ARRAY3, MATRIX, MATRIX)
+"""`Scene.segments`: ends (m, 3) of rounds; attitudes (b, 3, 3), centres and half sides (b, 3)."""
+
+Near = tuple[Array, Array, Array]
+NEAREST: Final = record(VECTOR, MATRIX, MATRIX)
+"""`gaps.Nearest`."""
+MEASURED: Final = record(ROW, TABLE, TABLE)
+"""The same, to be filled in."""
+
+Motion = tuple[Array, Array, Array, Array]
+MOTION: Final = record(VECTOR, MATRIX, VECTOR, MATRIX)
+"""`clearance`, `velocity`, `speed` and `observed` of a `Scene`."""
+
+
+# --- Distances of segments from segments and boxes, in closed form --------------------------------
+#
+# Things are counted: first the arm's capsules, then the scene's rounds, then its boxes. All are
+# taken without their radii. The normal points from the second thing to the first: moving the
+# first along it widens the distance.
 
 Point = tuple[float, float, float]
 Attitude = tuple[Point, Point, Point]
@@ -297,3 +352,212 @@ def shortfall(ends: Array, pairs: Pairs, which: Index, least: Array, obstacles: 
             distance = _pair(ends, s, a, b, within, obstacles)[0]
             worst = max(worst, least[s, i] - distance)
     return worst
+
+
+# --- Distances of points from the solid obstacles of a scene: all pairs in one pass ---------------
+#
+# Sight lines are not solid. Obstacles that move count as far out as they may be now.
+
+
+class Apart(NamedTuple):
+    """Distances of s points from k obstacles."""
+
+    distance: Array
+    """To the surfaces (s, k) [m]; below zero inside."""
+    normal: Array
+    """Away from them (s, k, 3): the slope of the distance; zero on the axis of a round one."""
+
+
+def apart(points: Array, scene: Scene) -> Apart:
+    """Return distances of points (s, 3) [m] in World from each solid obstacle."""
+    # Where nothing moves, no speed is the reach.
+    reach = scene.reach(0.0) if scene.moves else scene.speed
+    return Apart(*_apart(points, scene.segments, scene.rounds.radius, scene.rounds.line, reach))
+
+
+@compiled(XYZ, XYZ, XYZ)
+def _from_axis(x: Point, start: Point, end: Point) -> tuple[float, Point]:
+    """Return the distance of a point from a segment, and the normal."""
+    away = (x[0] - start[0], x[1] - start[1], x[2] - start[2])
+    way = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
+    part = min(1.0, max(0.0, _dot(away, way) / max(_dot(way, way), TOUCHING**2)))
+    away = (away[0] - part * way[0], away[1] - part * way[1], away[2] - part * way[2])
+    distance = math.sqrt(_dot(away, away))
+    size = max(distance, TOUCHING)
+    return distance, (away[0] / size, away[1] / size, away[2] / size)
+
+
+@compiled(XYZ, XYZ)
+def _point_from_box(x: Point, half: Point) -> tuple[float, Point]:
+    """Return the distance of a point from a box, and the normal, in the axes of the box."""
+    beyond = (abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2])
+    out = (max(beyond[0], 0.0), max(beyond[1], 0.0), max(beyond[2], 0.0))
+    distance = math.sqrt(_dot(out, out))
+    if distance < TOUCHING:  # inside, where the shortest way out is through the nearest side
+        distance = max(beyond[0], beyond[1], beyond[2])
+        if beyond[0] == distance:
+            out = (1.0, 0.0, 0.0)
+        elif beyond[1] == distance:
+            out = (0.0, 1.0, 0.0)
+        else:
+            out = (0.0, 0.0, 1.0)
+    size = math.sqrt(_dot(out, out))
+    return distance, (
+        math.copysign(out[0] / size, x[0]),
+        math.copysign(out[1] / size, x[1]),
+        math.copysign(out[2] / size, x[2]),
+    )
+
+
+@compiled(MATRIX, OBSTACLES, VECTOR, FLAGS, VECTOR)
+def _apart(
+    points: Array,
+    obstacles: Obstacles,
+    radius: Array,
+    line: Flags,
+    reach: Array,
+) -> tuple[Array, Array]:
+    """Return distances and normals of points; all but `reach` (m + b,) [m] as in `Scene`."""
+    start, end, R, centre, half = obstacles
+    rounds, solid = len(radius), len(radius) + len(centre) - line.sum()
+    distance, normal = np.empty((len(points), solid)), np.empty((len(points), solid, 3))
+    for s in range(len(points)):
+        x = (points[s, 0], points[s, 1], points[s, 2])
+        k = 0
+        for o in range(rounds):
+            if line[o]:
+                continue
+            a, b = (start[o, 0], start[o, 1], start[o, 2]), (end[o, 0], end[o, 1], end[o, 2])
+            d, away = _from_axis(x, a, b)
+            distance[s, k] = d - radius[o] - reach[o]
+            for i in range(3):
+                normal[s, k, i] = away[i]
+            k += 1
+        for o in range(len(centre)):
+            away = (x[0] - centre[o, 0], x[1] - centre[o, 1], x[2] - centre[o, 2])
+            local = (
+                _dot(away, (R[o, 0, 0], R[o, 1, 0], R[o, 2, 0])),
+                _dot(away, (R[o, 0, 1], R[o, 1, 1], R[o, 2, 1])),
+                _dot(away, (R[o, 0, 2], R[o, 1, 2], R[o, 2, 2])),
+            )
+            d, out = _point_from_box(local, (half[o, 0], half[o, 1], half[o, 2]))
+            distance[s, k] = d - reach[rounds + o]
+            for i in range(3):
+                normal[s, k, i] = R[o, i, 0] * out[0] + R[o, i, 1] * out[1] + R[o, i, 2] * out[2]
+            k += 1
+    return distance, normal
+
+
+# --- Gaps of near pairs: radii and promises of their surfaces, and slopes in the joint angles -----
+
+
+class NearestPoints(NamedTuple):
+    """Where k pairs of things are nearest."""
+
+    distance: Array
+    """(k,) [m]; below zero for a segment inside a box: how far it has to come out."""
+    normal: Array
+    """(k, 3)."""
+    place: Array
+    """On the first thing (k, 3) [m]."""
+
+
+@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, ROW, COUNTS)
+def _face(
+    normal: Array, pairs: Pairs, link_radius: Array, own_clearance: float, radius: Array,
+    motion: Motion, radii: Array, promise: Array, nearer: Array, comes: Array, obstacle: Index,
+) -> None:  # fmt: skip
+    """Write radii, promise, speed, approach and obstacle (k,) of `NearPairs`.
+
+    `radius` is that of rounds. Both speeds are zero before.
+    """
+    (first, second), (clearance, velocity, speed, observed) = pairs, motion
+    capsules = len(link_radius)
+    for i in range(len(first)):
+        radii[i], promise[i], obstacle[i] = link_radius[first[i]], own_clearance, -1
+        if second[i] < capsules:
+            radii[i] += link_radius[second[i]]
+            continue
+        thing = second[i] - capsules
+        obstacle[i], promise[i] = thing, clearance[thing]
+        if thing < len(radius):
+            radii[i] += radius[thing]
+        closing, approach = speed[thing], 0.0
+        for j in range(3):
+            closing += normal[i, j] * velocity[thing, j]
+            approach += normal[i, j] * observed[thing, j]
+        nearer[i], comes[i] = max(closing, 0.0), max(approach, 0.0)
+
+
+def slopes(
+    placed: PlacedArrays, bodies: Bodies, pairs: Pairs, normal: Array, place: Array
+) -> Array:
+    """Return the slopes (k, n) of distances: the normal (k, 3) times the Jacobian of the place.
+
+    A second link's place lies on the same normal: joints that move both change no distance.
+    """
+    rows = np.zeros((len(pairs[0]), placed[2].shape[1]))
+    _slope(placed, bodies, pairs, normal, place, rows)
+    return rows
+
+
+@compiled(PLACED, BODIES, PAIRS, MATRIX, MATRIX, TABLE)
+def _slope(
+    placed: PlacedArrays, bodies: Bodies, pairs: Pairs, normal: Array, place: Array, rows: Array
+) -> None:
+    (_, frames, axes), (_, moves, prismatic), (first, second) = placed, bodies, pairs
+    for k in range(len(first)):
+        nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
+        other = second[k] if second[k] < len(moves) else -1
+        for j in range(axes.shape[1]):
+            ahead = moves[first[k], j]
+            if ahead == (other >= 0 and moves[other, j]):
+                continue
+            zx, zy, zz = axes[0, j, 0], axes[0, j, 1], axes[0, j, 2]
+            if prismatic[j]:
+                slope = nx * zx + ny * zy + nz * zz
+            else:
+                x = place[k, 0] - frames[0, j, 0, 3]
+                y = place[k, 1] - frames[0, j, 1, 3]
+                z = place[k, 2] - frames[0, j, 2, 3]
+                slope = nx * (zy * z - zz * y) + ny * (zz * x - zx * z) + nz * (zx * y - zy * x)
+            rows[k, j] = slope if ahead else -slope
+
+
+def described(
+    placed: PlacedArrays, bodies: Bodies, pairs: Pairs,
+    near: Near, own_clearance: float, radius: Array, motion: Motion,
+) -> tuple[Array, Array, Array, Array, Array, Array, Index, Array]:  # fmt: skip
+    """Return radii, gap, promise, rows, speed, approach, obstacle and carried of `NearPairs`.
+
+    `placed` and `near` are the records of those names; `radius` (m,) is that of rounds [m].
+    """
+    k = len(pairs[0])
+    radii, gap, promise = np.empty(k), np.empty(k), np.empty(k)
+    speed, approach = np.zeros(k), np.zeros(k)
+    rows, obstacle = np.zeros((k, placed[2].shape[1])), np.empty(k, dtype=np.int64)
+    _describe(
+        placed, bodies, pairs, near, own_clearance, radius, motion,
+        radii, gap, promise, rows, speed, approach, obstacle,
+    )  # fmt: skip
+    return radii, gap, promise, rows, speed, approach, obstacle, np.zeros(k)
+
+
+@compiled(
+    PLACED, BODIES, PAIRS, NEAREST, NUMBER, VECTOR, MOTION,
+    ROW, ROW, ROW, TABLE, ROW, ROW, COUNTS,
+)  # fmt: skip
+def _describe(
+    placed: PlacedArrays, bodies: Bodies, pairs: Pairs,
+    near: Near, own_clearance: float, radius: Array, motion: Motion,
+    radii: Array, gap: Array, promise: Array, rows: Array, speed: Array, approach: Array,
+    obstacle: Index,
+) -> None:  # fmt: skip
+    distance, normal, place = near
+    _face(
+        normal, pairs, bodies[0], own_clearance, radius, motion,
+        radii, promise, speed, approach, obstacle,
+    )  # fmt: skip
+    _slope(placed, bodies, pairs, normal, place, rows)
+    for i in range(len(distance)):
+        gap[i] = distance[i] - radii[i]

@@ -1,28 +1,29 @@
-"""Acceleration and jerk limits, and the verified stop that makes every command safe.
+"""Acceleration and jerk limits, the verified stop, and the gate: the last check before the bus."""
 
-A step is accepted only if, from the state it leads to, the stop of all joints stays inside the
-joint limits all the way, or is no worse than the stop already held in every bound that is broken.
-If not, half the target is tried, a fifth, and among things a twentieth with a stop that keeps the
-joints' shares; then the stop verified one tick earlier goes on.
-So there is always a known way to rest.
-
-Joints that mean something only together, as of two arms on one payload, are a group: they stop in
-proportion, along a straight line.
-
-A judge may have more to say about a stop: by how much it falls short of what is to be kept. News
-from outside may make even the stored stop fall short; then the least bad one is taken.
-"""
-
+import math
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..compiled import VECTOR, compiled
-from ..spatial import Array
-from .motion import Motion
+from ..compiled import MATRIX, VECTOR, compiled
+from ..spatial import Array, Motion
+from .profile import Stop
 from .trajectory import TrajectoryError, VelocityPlanner
-from .way_to_rest import Stop
+
+# --- Acceleration and jerk limits, and the verified stop that makes every command safe ------------
+#
+# A step is accepted only if, from the state it leads to, the stop of all joints stays inside
+# the joint limits all the way, or is no worse than the stop already held in every bound that is
+# broken. If not, half the target is tried, a fifth, and among things a twentieth with a stop
+# that keeps the joints' shares; then the stop verified one tick earlier goes on. So there is
+# always a known way to rest.
+#
+# Joints that mean something only together, as of two arms on one payload, are a group: they
+# stop in proportion, along a straight line.
+#
+# A judge may have more to say about a stop: by how much it falls short of what is to be kept.
+# News from outside may make even the stored stop fall short; then the least bad one is taken.
 
 HEADROOM = 0.9999
 """Part of each bound that is planned with, so that rounding stays inside."""
@@ -151,3 +152,98 @@ def _leaves(
         if low[i] < min(lower[i], held_low[i]) or high[i] > max(upper[i], held_high[i]):
             return True
     return False
+
+
+# --- The last check before the bus: finite, bounded, continuous with what was sent, or refused ----
+#
+# It never clamps: a refused command means the quick stop, with the reason.
+
+TOLERANCE = 1e-3
+"""Relative tolerance of the finite differences [1]."""
+
+ROUNDING = 1e-11
+"""Rounding of a joint angle in double precision, generously [rad]."""
+
+
+class Gate:
+    """Bounds (n,) that every sent posture keeps."""
+
+    def __init__(
+        self,
+        joints: tuple[str, ...],
+        lower: Array,
+        upper: Array,
+        velocity: Array,
+        acceleration: Array,
+        jerk: Array,
+        period_s: float,
+    ) -> None:
+        self._joints = joints
+        self._lower = lower
+        self._upper = upper
+        T = period_s
+        more = 1.0 + TOLERANCE
+        self._steps = np.array(
+            [
+                more * velocity * T + 2 * ROUNDING,
+                more * acceleration * T**2 + 4 * ROUNDING,
+                more * jerk * T**3 + 8 * ROUNDING,
+            ]
+        )
+        self._units = (("speed", "rad/s", T), ("acceleration", "rad/s²", T**2),
+                       ("jerk", "rad/s³", T**3))  # fmt: skip
+
+    def refusal(self, q: Array, sent: tuple[Array, Array, Array]) -> str | None:
+        """Return why posture q (n,) may not be sent after `sent` (newest first), or None."""
+        what, j, value = _broken(q, *sent, self._lower, self._upper, self._steps)
+        if what == _FINE:
+            return None
+        joint = self._joints[j]
+        if what == _NO_NUMBER:
+            return f"{joint}: command is {q[j]}"
+        if what == _OUTSIDE:
+            low, high = self._lower[j], self._upper[j]
+            return f"{joint}: position {q[j]:.6f} outside {low:.6f} to {high:.6f} rad"
+        name, unit, scale = self._units[what]
+        bound = self._steps[what, j] / scale
+        return f"{joint}: {name} {value / scale:.4g} beyond {bound:.4g} {unit}"
+
+
+_FINE, _NO_NUMBER, _OUTSIDE = -1, -2, -3
+"""Faults beside the order of a difference that is too large: 0, 1 or 2."""
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX)
+def _broken(
+    q: Array, last: Array, second: Array, third: Array, lower: Array, upper: Array, steps: Array
+) -> tuple[int, int, float]:
+    """Return what is wrong with q (n,), with which joint most, and the difference that is."""
+    n = len(q)
+    for j in range(n):
+        if not np.isfinite(q[j]):
+            return _NO_NUMBER, j, q[j]
+    worst, most = 0, 0.0
+    for j in range(n):
+        low = min(lower[j], last[j]) - ROUNDING
+        high = max(upper[j], last[j]) + ROUNDING
+        beyond = max(low - q[j], q[j] - high)
+        if beyond > most:
+            worst, most = j, beyond
+    if most > 0.0:
+        return _OUTSIDE, worst, most
+    differences = np.empty((3, n))
+    for j in range(n):
+        differences[0, j] = q[j] - last[j]
+        differences[1, j] = differences[0, j] - (last[j] - second[j])
+        differences[2, j] = differences[1, j] - (last[j] - 2.0 * second[j] + third[j])
+    for order in range(3):
+        most = 1.0
+        for j in range(n):
+            ratio = abs(differences[order, j]) / steps[order, j]
+            if math.isnan(ratio):  # what was sent is no number: no joint behind this one hides it
+                return order, j, differences[order, j]
+            if ratio > most:
+                worst, most = j, ratio
+        if most > 1.0:
+            return order, worst, differences[order, worst]
+    return _FINE, 0, 0.0

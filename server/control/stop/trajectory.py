@@ -10,11 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import ruckig
 
-from ..spatial import Array
-from .motion import Motion, arriving
-from .proportion import stopping_in_proportion
-from .velocity_profile import shape, step_and_stop, stepped, stopping
-from .way_to_rest import Stop
+from ..spatial import Array, Motion, arriving
+from .profile import Stop, shape, step_and_stop, stepped, stopping, stopping_in_proportion
 
 
 class TrajectoryError(Exception):

@@ -1,26 +1,181 @@
-"""A task: its sources, their gains, and the sum of what they ask of one MRF.
+"""A task: its sources, their gains, and the sum of what they ask of one MRF."""
 
-Every source is always on; the rates add (Williams 1997, section 2). When MRF, CRF or ground are
-others than a tick ago, the same motion goes on: what a source remembers is carried to the new
-frames, and what its rate jumps by is owed and paid back smoothly (`feedforward.py`).
-"""
-
+import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from ....config.schema.sources.schedule import ScheduleSection
-from ....config.schema.sources.sources import SourcesSection
-from ..rigid_body import differ
-from ..spatial import Array, sizes
-from .feedforward import NOT_LED, Feedforward, FeedforwardState
-from .gains import Gains, Quantities
-from .paths.leading import PositionState
+from ....config.schema.sources import ScheduleSection, SourcesSection
+from ..spatial import Array, Motion, differ, sizes, twist_at, within
+from ..stop.trajectory import VelocityPlanner
+from .following import Following
+from .position import Position, PositionState
 from .source import NO_TWIST, About, Context, Granted, Redefined, Shaping, Source
-from .sources.force import ForceState
-from .table import KINDS
+from .sources import Force, ForceState, Joystick, Reflex, Spring, Vision
+
+# --- Gains in effect: what was set, times what the cell's schedules say, and every change ramped
+#
+# A schedule is a table: a quantity (contact force, distance to the target, time since enable)
+# to a factor between 0 and 1, straight lines between its points. A factor never exceeds 1, so
+# that a gain that is stable when it is set stays so whatever its schedules do.
+
+GAIN_TIME_S = 0.15
+"""Time constant with which a changed gain takes effect [s]."""
+
+
+class Quantities(NamedTuple):
+    """Values that schedules may depend on; None where one is not known."""
+
+    contact_force: float | None
+    """Size of the contact force at the MRF [N]; None when the sensor is stale."""
+    distance: float | None
+    """From the MRF to the position source's target [m]; None without one."""
+    time: float
+    """Since the arm was enabled or resumed [s]."""
+
+
+class Gains:
+    """The gains of all sources under the schedules of a cell."""
+
+    def __init__(self, schedules: tuple[ScheduleSection, ...], period_s: float) -> None:
+        self._schedules = tuple(
+            (s.source, s.by, np.array(s.at), np.array(s.factor), np.array(s.axes))
+            for s in schedules
+        )
+        self.part = 1.0 - math.exp(-period_s / GAIN_TIME_S)
+        """Share of the way to a new gain that is gone in one period [1]."""
+
+    def scheduled(
+        self, gains: dict[str, Array], quantities: Callable[[], Quantities]
+    ) -> dict[str, Array]:
+        """Return each source's gain (6,) times the factors of its schedules.
+
+        A force that is not known counts as the worst of its table; without a target, the distance
+        to it counts as beyond the table's end.
+        """
+        if not self._schedules:
+            return gains
+        now = quantities()
+        found = dict(gains)
+        for source, by, at, factor, axes in self._schedules:
+            value: float | None = getattr(now, by)
+            if value is not None:
+                f = float(np.interp(value, at, factor))
+            else:
+                f = float(factor.min()) if by == "contact_force" else float(factor[-1])
+            found[source] = found[source] * (1.0 - axes * (1.0 - f))
+        return found
+
+    def ramped(
+        self, now: dict[str, Array], target: dict[str, Array], at_once: tuple[str, ...] = ()
+    ) -> dict[str, Array]:
+        """Return the gains one period later on their way to the target, so that nothing jumps.
+
+        Those of the sources that are named are there `at_once`. The target itself once all are.
+        """
+        if now is target:
+            return target
+        ramped, there = {}, True
+        for name, gain in now.items():
+            aim = target[name]
+            way = aim - gain
+            near = gain is aim or name in at_once or np.abs(way).max() < 1e-7
+            ramped[name] = aim if near else gain + self.part * way
+            there = there and near
+        return target if there else ramped
+
+
+# --- The motion of what motion is measured against, fed forward; and no jump when that changes ----
+#
+# Every source asks for a motion of the MRF relative to a *ground*: World, Base or Carrier. An
+# arm on Base makes it so by adding the ground's own twist, seen from Base, at the MRF: so a
+# target on a conveyor is followed without a steady error, and a tool keeps still in World above
+# a base that sways. It is one more term of the sum (Williams 1997, section 2: rates add), and
+# leaves the others as they are.
+#
+# What sources remember is carried to a new MRF (`Source.carry`). The rest of a redefinition,
+# such as a gain that acts along other axes, or another ground, makes the sum jump while the arm
+# moves. What it jumps by (`Source.jump`) is owed: added, and paid back inside the acceleration
+# and jerk bounds. No more is ever owed than the tool's greatest speed, so that it is soon paid,
+# however often frames change.
+
+
+class FeedforwardState(NamedTuple):
+    """The motion that is still owed."""
+
+    leading: bool = False
+    """Sources led the arm in the last tick."""
+    owed: Motion | None = None
+    """At a point of the tool that stays the same, World axes (6,)."""
+
+
+NOT_LED: Final = FeedforwardState()
+"""No source leads the arm."""
+_LED: Final = FeedforwardState(True)
+"""Sources lead the arm, and nothing is owed."""
+
+
+class Feedforward:
+    """Feeds the ground's motion forward; `acceleration`, `jerk` (6,) bound how debts are paid.
+
+    No more is owed than a twist of `most` [m/s], [rad/s].
+    """
+
+    def __init__(
+        self, acceleration: Array, jerk: Array, most: tuple[float, float], period_s: float
+    ) -> None:
+        self._planner = VelocityPlanner(acceleration, jerk)
+        self._most = most
+        self._period_s = period_s
+
+    def rate(
+        self, state: FeedforwardState, carried: Array | None, jump: Array | None, lever: Array
+    ) -> tuple[Array, FeedforwardState]:
+        """Return the twist (6,) of the MRF in World axes that is added to the sources' sum.
+
+        `carried` (6,) is the ground's twist seen from Base, at the MRF; None where nothing moves.
+        `jump` (6,) is what all was more before a redefinition, of sources and ground together.
+        `lever` (3,) leads from the MRF to the point of the tool at which debts are kept [m].
+        """
+        owed = state.owed
+        if not state.leading:
+            owed = None
+            jump = None if carried is None else -carried
+        elif owed is not None:
+            owed = self._planner.step(owed, np.zeros(6), self._period_s, synchronised=True)
+            owed = None if owed.stands() else Motion(np.zeros(6), owed.dq, owed.ddq)
+        if jump is not None:
+            already, ddq = (np.zeros(6), np.zeros(6)) if owed is None else owed[1:]
+            more = within(already + twist_at(jump, lever), self._most)
+            owed = Motion(np.zeros(6), more, ddq)
+        twist = NO_TWIST if carried is None else carried
+        if owed is None:
+            return twist, _LED
+        return twist + twist_at(owed.dq, -lever), FeedforwardState(True, owed)
+
+
+# --- The sources that there are: one row each, by the name of its section in the cell file --------
+
+KINDS: Final = MappingProxyType[str, type[Source[Any]]](
+    {
+        "joystick": Joystick,
+        "position": Position,
+        "vision": Vision,
+        "force": Force,
+        "following": Following,
+        "spring": Spring,
+        "reflex": Reflex,
+    }
+)
+
+
+# --- A task: its sources, their gains, and the sum of what they ask of one MRF --------------------
+#
+# Every source is always on; the rates add (Williams 1997, section 2). When MRF, CRF or ground
+# are others than a tick ago, the same motion goes on: what a source remembers is carried to the
+# new frames, and what its rate jumps by is owed and paid back smoothly (`task.py`).
 
 FRAMES: Final = "frames"
 """Name of the ground's own motion among the twists."""

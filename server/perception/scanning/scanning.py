@@ -12,24 +12,25 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell, ConfigError
-from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
-from ....protocols.messages.perception.contour import NOTHING, ContourNews
-from ....protocols.messages.perception.obstacles import ObstacleNews
-from ....protocols.sick.cola import TelegramError
-from ....protocols.sick.scan_data import Scan
+from ....config.schema.surroundings import ContourReflexSection, ScannerSection
+from ....protocols.messages.perception import NOTHING, ContourNews, ObstacleNews
+from ....protocols.sick import Scan, TelegramError
 from ...control.scene import Flags
 from ...control.spatial import Array, Pose
-from .behind import FARTHEST, GroundBehind
-from .boxes import MOST, CellBox, boxes_of
-from .contour import CellPlane, Contour, contour_of
-from .geometry import MeasuredInstant, Ring, ScannerGeometry
-from .interference import NOTHING as NONE
-from .interference import Obstacles
-from .memory import PointMemory
-from .placing import bridged, own_rays, place
-from .postures import CriticalPoints
-from .reflex import PassageReflex, Reaction, speed_within
-from .search import Reach, Search
+from .contour import MOST, CellBox, CellPlane, Contour, Obstacles, boxes_of, contour_of
+from .contour import NOTHING as NONE
+from .placing import (
+    FARTHEST,
+    GroundBehind,
+    MeasuredInstant,
+    PointMemory,
+    Ring,
+    ScannerGeometry,
+    bridged,
+    own_rays,
+    place,
+)
+from .reflex import CriticalPoints, PassageReflex, Reach, Reaction, Search, speed_within
 
 SCAN: Final = "scan"
 """Name under which a scanner tells of obstacles; that of its certificate, too."""

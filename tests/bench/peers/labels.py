@@ -8,7 +8,7 @@ whom. So *feasible* is a proof, by example; *not feasible* says that no example 
 """
 
 import numpy as np
-from telerobot.config.drives.joint_bounds import joint_bounds
+from telerobot.config.drives import joint_bounds
 from telerobot.config.load import Cell
 from telerobot.server.control.spatial import Array, Pose, pose_error
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.rig.rig import WallSection
+from telerobot.config.schema.rig import WallSection
 from telerobot.drivers.rig.physics.world import Vector, World
 from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.scripts.script import Script

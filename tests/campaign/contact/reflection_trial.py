@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from telerobot.config.load import Cell
 from telerobot.protocols import topics as t
-from telerobot.server.reflection.force_reflection import pose_stiffness
+from telerobot.server.reflection import pose_stiffness
 from telerobot.tools.reflect.linkage import Array
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.mechanism.mechanism import PayloadSection
+from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -7,7 +7,7 @@ nothing is raised, and no setpoint leaves its bounds.
 import random
 
 from telerobot.config.load import load_cell, shipped
-from telerobot.config.schema.mechanism.mechanism import DriveSection
+from telerobot.config.schema.mechanism import DriveSection
 from telerobot.drivers.bus import CanMessage, InProcessBus
 from telerobot.protocols.canopen import can301
 from telerobot.tools.scripts.script import Script

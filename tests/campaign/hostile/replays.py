@@ -13,8 +13,7 @@ from typing import Final
 
 from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
-from telerobot.server.flight.container import MEMORY, TICK, Stamped, joined
-from telerobot.server.flight.log import KeptTick, pack_memories
+from telerobot.server.recorder import MEMORY, TICK, KeptTick, Stamped, joined, pack_memories
 from telerobot.tools.recording.replay.replay import Judgement, Replay
 from telerobot.tools.recording.run_file import read_cell
 from telerobot.tools.simulation.simulation import Simulation

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from telerobot.config.load import Cell
-from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.config.schema.sources.sources import SOURCES
+from telerobot.config.schema.null_space import OBJECTIVES
+from telerobot.config.schema.sources import SOURCES
 from telerobot.protocols.messages.messages import Frame
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from laboratory.oracle.poses import Array
 from telerobot.config.load import Cell, load_cell, shipped
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.resolution import Resolved, resolve
 from telerobot.server.control.spatial import Pose
 from telerobot.tools.soak.steps import Draw

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from laboratory.oracle.arm import OracleArm
 from numpy.typing import NDArray
-from telerobot.config.drives.joint_bounds import joint_bounds
+from telerobot.config.drives import joint_bounds
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import (
+from telerobot.config.schema.surroundings import (
     AvoidanceSection,
     LinkCapsuleSection,
     ObstacleSection,
@@ -25,8 +25,8 @@ from telerobot.config.schema.obstacles import (
 from telerobot.drivers.rig.physics.world import World
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.pairs import PairSearch
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.soak.steps import step

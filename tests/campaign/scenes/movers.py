@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import ObstacleSection
+from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.tools.scripts.generators.tables import MovingObstacle
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from laboratory.oracle.way_out import AWAY, WIDER, closed_in
 from telerobot.config.load import load_cell
-from telerobot.drivers.rig.physics.clearance.distances import TrueNearest
+from telerobot.drivers.rig.physics.clearance import TrueNearest
 from telerobot.protocols import topics as t
 from telerobot.tools.simulation.simulation import Simulation
 

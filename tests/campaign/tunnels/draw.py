@@ -8,9 +8,9 @@ from laboratory.oracle.passable import passable
 from laboratory.oracle.poses import rotation
 from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import Cell
-from telerobot.config.schema.mechanism.backbone import BackboneSection, SegmentSection
+from telerobot.config.schema.mechanism import BackboneSection, SegmentSection
 from telerobot.config.schema.section import PoseSection
-from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.soak.steps import Act, Draw
 

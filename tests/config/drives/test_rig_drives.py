@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import ConfigError, load_cell
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 
 KEYS = ("stiffness", "damping", "integral", "armature", "friction")
 

@@ -2,7 +2,7 @@
 
 import pytest
 from telerobot.config.load import ConfigError, load_cell
-from telerobot.config.schema.security import ZenohSection, beyond_loopback, refuse_exposure
+from telerobot.config.schema.network import ZenohSection, beyond_loopback, refuse_exposure
 
 HERE = [
     "tcp/127.0.0.1:7447", "tcp/127.8.1.1:7447", "tcp/localhost:7447", "tcp/[::1]:7447",

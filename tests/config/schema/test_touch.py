@@ -2,8 +2,7 @@
 
 import pytest
 from pydantic import ValidationError
-from telerobot.config.schema.mechanism.mechanism import MOST_DRIVES
-from telerobot.config.schema.mechanism.touch import TouchSection
+from telerobot.config.schema.mechanism import MOST_DRIVES, TouchSection
 
 
 def test_each_joint_of_the_longest_arm_has_a_bound_of_its_own():

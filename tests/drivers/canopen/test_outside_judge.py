@@ -9,7 +9,7 @@ import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
 from telerobot.config.load import load_cell
-from telerobot.drivers.rig.nodes.canopen.objects import EDS
+from telerobot.drivers.rig.nodes.canopen import EDS
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import CommunicationObject as Com
 from telerobot.protocols.canopen.cia402 import Object, Status

@@ -6,7 +6,7 @@ import can
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.device import DeviceError
-from telerobot.drivers.rig.nodes.canopen.can_node import CanNode
+from telerobot.drivers.rig.nodes.canopen import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
 from telerobot.tools.checks.hardware.rule import Rule, RuleOutcome

@@ -8,16 +8,16 @@ import pytest
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
-from telerobot.protocols.canopen import can301, cia402, cia402_pdo
+from telerobot.protocols.canopen import can301, cia402
 from telerobot.protocols.canopen.can301 import CommunicationObject as Com
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode
 
 PERIOD_S = 0.01
 PACK = {
-    OperationMode.CSP: cia402_pdo.pack_csp,
-    OperationMode.CSV: cia402_pdo.pack_csv,
-    OperationMode.CST: cia402_pdo.pack_cst,
+    OperationMode.CSP: cia402.pack_csp,
+    OperationMode.CSV: cia402.pack_csv,
+    OperationMode.CST: cia402.pack_cst,
 }
 
 
@@ -98,9 +98,9 @@ class Master:
                     0x200,
                     Com.RPDO_COMMUNICATION,
                     Com.RPDO_MAPPING,
-                    cia402_pdo.COMMAND_MAPPING[self.mode],
+                    cia402.COMMAND_MAPPING[self.mode],
                 ),
-                (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402_pdo.FEEDBACK_MAPPING),
+                (0x180, Com.TPDO_COMMUNICATION, Com.TPDO_MAPPING, cia402.FEEDBACK_MAPPING),
             ):
                 for number in range(4):
                     off = can301.PDO_INVALID | base + 0x100 * number + drive.node
@@ -129,8 +129,8 @@ class Master:
             self.rig.advance(PERIOD_S)
             self.listen()
 
-    def feedback(self, joint: str) -> cia402_pdo.Feedback:
-        return cia402_pdo.unpack_feedback(self.newest(can301.tpdo1_id(self.node(joint))))
+    def feedback(self, joint: str) -> cia402.Feedback:
+        return cia402.unpack_feedback(self.newest(can301.tpdo1_id(self.node(joint))))
 
     def state(self, joint: str) -> DriveState:
         return cia402.decode_state(self.feedback(joint).statusword)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from telerobot.protocols.canopen.can301 import Abort
 from telerobot.protocols.canopen.cia402 import (
     Controlword,
     DriveState,
@@ -9,7 +10,6 @@ from telerobot.protocols.canopen.cia402 import (
     OperationMode,
     Status,
 )
-from telerobot.protocols.canopen.sdo import Abort
 
 from .conftest import PERIOD_S, Master
 

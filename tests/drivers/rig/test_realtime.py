@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.drivers.rig.realtime import Pace, run_realtime
-from telerobot.protocols.canopen import can301, cia402_pdo
+from telerobot.protocols.canopen import can301, cia402
 from telerobot.protocols.canopen.can301 import NmtState
 from telerobot.protocols.canopen.cia402 import OperationMode
 from telerobot.protocols.messages.rig import RigFault, RigTruth
@@ -170,9 +170,7 @@ def test_a_sample_is_of_the_instant_of_its_sync(cell: Cell) -> None:
     bus.run(at_s[-1] + 0.003)
     master.listen()
     wanted = can301.tpdo1_id(drive.node)
-    samples = [
-        cia402_pdo.unpack_feedback(data).position for _, i, data in master.frames if i == wanted
-    ]
+    samples = [cia402.unpack_feedback(data).position for _, i, data in master.frames if i == wanted]
     angles = np.array(samples) * drive.direction / drive.counts_per_radian
     off = angles - np.polyval(np.polyfit(at_s, angles, 1), at_s)
     assert np.abs(off).max() < 2e-5

@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.bus.bus import BusSection
+from telerobot.config.schema.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301

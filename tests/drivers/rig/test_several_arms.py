@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers.device import Cause
+from telerobot.drivers.device import Cause, SwitchedOutput, WrenchSensor
 from telerobot.drivers.kinds import make_drivers
 from telerobot.drivers.rig.rig import Rig
-from telerobot.drivers.roles import SwitchedOutput, WrenchSensor
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.server.plant import Plant
 from telerobot.tools.simulation.virtual_buses import VirtualBuses

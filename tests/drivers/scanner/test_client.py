@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers.rig.nodes.sensors.scanner_node import SimulatedScanner
+from telerobot.drivers.rig.nodes.sensors import SimulatedScanner
 from telerobot.drivers.rig.physics.world import World
-from telerobot.drivers.rig.scanner_server import ScannerServer
-from telerobot.drivers.scanner.client import ScannerClient
+from telerobot.drivers.rig.session import ScannerServer
+from telerobot.drivers.scanner import ScannerClient
 from telerobot.protocols.messages.rig import RigFault
-from telerobot.protocols.sick.cola import TelegramError
-from telerobot.protocols.sick.scan_data import Scan
+from telerobot.protocols.sick import Scan, TelegramError
 
 
 class Line:

@@ -17,7 +17,7 @@ def bench(request):
     """A camera that stands before the tag of the shipped cell, and the way from pose to picture."""
     request.getfixturevalue("opengl" if request.param == "opengl" else "rendering")
     from telerobot.config.schema.section import PoseSection
-    from telerobot.drivers.rig.physics.sensors import camera
+    from telerobot.drivers.rig.physics import camera
     from telerobot.drivers.vision.detector import Detector
 
     cell = load_cell("pa10_vision")

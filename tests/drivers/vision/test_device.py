@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.section import PoseSection
-from telerobot.config.schema.sensors.cameras import CameraSection
+from telerobot.config.schema.surroundings import CameraSection
 from telerobot.drivers.device import DeviceError
 
 cv2 = pytest.importorskip("cv2")

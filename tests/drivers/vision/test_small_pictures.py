@@ -6,7 +6,7 @@ import pytest
 cv2 = pytest.importorskip("cv2")
 
 from telerobot.drivers.vision.opencv import small_jpeg  # noqa: E402  needs OpenCV
-from telerobot.protocols.messages.perception.camera_picture import LARGEST_JPEG  # noqa: E402
+from telerobot.protocols.messages.perception import LARGEST_JPEG  # noqa: E402
 
 
 @pytest.mark.parametrize("shape", [(480, 640), (480, 640, 3), (1080, 1920, 3), (100, 4000)])

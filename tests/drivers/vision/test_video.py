@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.section import PoseSection
-from telerobot.config.schema.sensors.cameras import CameraSection
-from telerobot.protocols.messages.perception.camera_picture import LARGEST_FRAME
+from telerobot.config.schema.surroundings import CameraSection
+from telerobot.protocols.messages.perception import LARGEST_FRAME
 
 av = pytest.importorskip("av", reason="pip install 'telerobot[vision]'")
 NOISE = np.random.default_rng(3)

@@ -7,9 +7,12 @@ from typing import Any, Final, NamedTuple
 
 from telerobot.config.load import Cell
 from telerobot.drivers.device import DeviceError
-from telerobot.protocols.messages.perception.camera_picture import CameraPicture
-from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import (
+    CameraPicture,
+    ContourNews,
+    ObstacleNews,
+    ScanPoints,
+)
 from telerobot.server.perception.scanning.scanning import Looked
 from telerobot.tools.operator.web.pages.surroundings import (
     told_contour,
@@ -110,7 +113,7 @@ def _truth_and_pictures(simulation: Simulation) -> Iterator[str]:
     if not eyes:
         return
     try:
-        from telerobot.drivers.rig.physics.sensors.camera import RigCameras
+        from telerobot.drivers.rig.physics.camera import RigCameras
         from telerobot.drivers.vision.opencv import small_jpeg
 
         cameras = RigCameras(cell)

@@ -10,7 +10,7 @@ from canopen.pdo.base import PdoMap
 from canopen.profiles.p402 import State402
 from hypothesis import given
 from hypothesis import strategies as st
-from telerobot.protocols.canopen import cia402, cia402_pdo
+from telerobot.protocols.canopen import cia402
 from telerobot.protocols.canopen.can301 import FrameError
 from telerobot.protocols.canopen.cia402 import (
     Controlword,
@@ -158,28 +158,28 @@ def test_transitions(state: DriveState, word: Controlword, after: DriveState) ->
 
 @given(U16, I32)
 def test_canopen_reads_our_position_setpoint(word: int, target: int) -> None:
-    data = cia402_pdo.pack_csp(word, target)
-    assert read_with_canopen(cia402_pdo.CSP_MAPPING, data) == [word, target]
-    assert cia402_pdo.unpack_csp(data) == (word, target)
+    data = cia402.pack_csp(word, target)
+    assert read_with_canopen(cia402.CSP_MAPPING, data) == [word, target]
+    assert cia402.unpack_csp(data) == (word, target)
 
 
 @given(U16, I16)
 def test_canopen_reads_our_torque_setpoint(word: int, target: int) -> None:
-    data = cia402_pdo.pack_cst(word, target)
-    assert read_with_canopen(cia402_pdo.CST_MAPPING, data) == [word, target]
-    assert cia402_pdo.unpack_cst(data) == (word, target)
+    data = cia402.pack_cst(word, target)
+    assert read_with_canopen(cia402.CST_MAPPING, data) == [word, target]
+    assert cia402.unpack_cst(data) == (word, target)
 
 
 @given(U16, I32, I16)
 def test_canopen_reads_our_feedback(word: int, position: int, torque: int) -> None:
-    data = cia402_pdo.pack_feedback(word, position, torque)
-    assert read_with_canopen(cia402_pdo.FEEDBACK_MAPPING, data) == [word, position, torque]
-    assert cia402_pdo.unpack_feedback(data) == (word, position, torque)
+    data = cia402.pack_feedback(word, position, torque)
+    assert read_with_canopen(cia402.FEEDBACK_MAPPING, data) == [word, position, torque]
+    assert cia402.unpack_feedback(data) == (word, position, torque)
 
 
 @given(st.integers(0, 8).flatmap(lambda n: st.binary(min_size=n, max_size=n)))
 def test_pdos_of_another_length_are_refused(data: bytes) -> None:
-    lengths = {cia402_pdo.unpack_csp: 6, cia402_pdo.unpack_cst: 4, cia402_pdo.unpack_feedback: 8}
+    lengths = {cia402.unpack_csp: 6, cia402.unpack_cst: 4, cia402.unpack_feedback: 8}
     for unpack, length in lengths.items():
         if len(data) == length:
             unpack(data)
@@ -190,9 +190,9 @@ def test_pdos_of_another_length_are_refused(data: bytes) -> None:
 
 def test_numbers_too_large_for_their_field_are_never_wrapped() -> None:
     with pytest.raises(struct.error):
-        cia402_pdo.pack_csp(0, 2**31)
+        cia402.pack_csp(0, 2**31)
     with pytest.raises(struct.error):
-        cia402_pdo.pack_cst(0, 2**15)
+        cia402.pack_cst(0, 2**15)
 
 
 def test_supported_modes_and_status_bits() -> None:

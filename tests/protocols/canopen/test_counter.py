@@ -1,7 +1,7 @@
 """A counter of 32 bits that wraps, at its very ends."""
 
 import pytest
-from telerobot.protocols.canopen.counter import HALF, SPAN, Unwrapped, wrapped
+from telerobot.protocols.canopen.cia402 import HALF, SPAN, Unwrapped, wrapped
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import math
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import CodecError, decode, encode
-from telerobot.protocols.messages.motion import MOST, PathMotion
+from telerobot.protocols.messages.messages import MOST, PathMotion
 
 ENVELOPE = {"seen_tick": 2**40}
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

@@ -5,8 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.protocols.sick.cola import TelegramCutter, TelegramError, fault_in, framed
-from telerobot.protocols.sick.scan_data import Scan, decode_scan, encode_scan
+from telerobot.protocols.sick import (
+    Scan,
+    TelegramCutter,
+    TelegramError,
+    decode_scan,
+    encode_scan,
+    fault_in,
+    framed,
+)
 
 SCAN = Scan(
     count=0x37,

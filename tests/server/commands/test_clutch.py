@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from telerobot.protocols.messages.motion import ClutchRequest, MasterPose
-from telerobot.server.commands.clutch import SLIP, Master
+from telerobot.protocols.messages.messages import ClutchRequest, MasterPose
+from telerobot.server.commands.haptics import SLIP, Master
 from telerobot.server.control.spatial import Pose, pose_error, rotation_log, rotation_rpy
 from telerobot.server.refusals import Refused, Why
 

@@ -6,10 +6,10 @@ from telerobot.config.load import load_cell
 from telerobot.config.schema import cell as schema
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.motion import PathMotion
-from telerobot.protocols.messages.perception.moving import FrameRequest
+from telerobot.protocols.messages.messages import PathMotion
+from telerobot.protocols.messages.perception import FrameRequest
 from telerobot.server.commands.commands import Commands
-from telerobot.server.control.frame_tree import Mount
+from telerobot.server.control.scene import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.refusals import Refused, Why
 

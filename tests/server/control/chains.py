@@ -1,7 +1,7 @@
 """Chains that never reach all six axes: planar ones, and one of five joints."""
 
 import numpy as np
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
 
 _LINK = (

@@ -5,21 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import (
+from telerobot.config.schema.surroundings import (
     AllowedContactSection,
     AvoidanceSection,
     ObstacleSection,
     WorkspaceSection,
 )
-from telerobot.server.control.arm.arm import Arm as ArmControl
-from telerobot.server.control.barriers.collision import Guard
-from telerobot.server.control.frame_tree import Body, Moved
-from telerobot.server.control.scene import Scene
+from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.barriers.clearance import Guard
+from telerobot.server.control.scene import Body, Moved, Scene
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.asked import StickCommand
+from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.tick import Control
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 from ..conftest import Arm, Run
 

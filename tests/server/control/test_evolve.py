@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import pytest
-from telerobot.server.control.evolve import evolve
+from telerobot.server.control.compiled import evolve
 
 
 @dataclass(frozen=True)

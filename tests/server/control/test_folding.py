@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.joint_motion import Beside, Fold
-from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains
+from telerobot.server.control.mechanism.joint_rates import Beside, Fold
+from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 
 from ..conftest import Arm, Run
 

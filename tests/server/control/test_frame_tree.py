@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.frame_tree import FRAMES, Body, FrameTree, Mount, Moved, UnknownFrame
+from telerobot.server.control.scene import FRAMES, Body, FrameTree, Mount, Moved, UnknownFrame
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_rpy
 
 STEP_S = 1e-5

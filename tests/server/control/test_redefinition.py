@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.frame_tree import Body, Moved
+from telerobot.server.control.scene import Body, Moved
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
-from telerobot.server.control.task.asked import ViewGoal
-from telerobot.server.control.task.paths.goals import (
+from telerobot.server.control.task.source import (
     PathGoal,
     Pursuit,
     Route,
     TwistRoute,
     TwistSegment,
+    ViewGoal,
 )
 
 ONCE, OFTEN = [60], list(range(60, 140, 3))

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.rigid_body import motion_at, slowed_at
-from telerobot.server.control.spatial import rotation_exp
-from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.spatial import Motion, motion_at, rotation_exp, slowed_at
 
 LEVER = np.array([0.3, -0.2, 0.5])
 FAR, FREE = (1e3, 1e3), np.full(6, 1e3)

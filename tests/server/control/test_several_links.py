@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.proximity.capsules import Capsules
-from telerobot.server.control.proximity.control_points import ControlPoints
+from telerobot.server.control.proximity.pairs import ControlPoints
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.tick import Control
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 CAPSULES = """
 [avoidance]

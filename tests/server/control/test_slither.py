@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.backbone.insertion import STILL, DriveRequest
+from telerobot.server.control.backbone.insertion import STILL, DriveRequest
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.server.control.state import Inputs, Intent, Settings
 from telerobot.server.control.stop.trajectory import Stop
-from telerobot.server.control.task.asked import StickCommand, ViewGoal
-from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.source import PathGoal, StickCommand, ViewGoal
 from telerobot.server.control.tick import Control
 
 SETTINGS = Settings(

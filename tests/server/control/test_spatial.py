@@ -2,7 +2,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.server.control import spatial
-from telerobot.server.control.rigid_body import rotate_twist, skew, twist_at, wrench_to
 from telerobot.server.control.spatial import (
     Pose,
     cross,
@@ -11,12 +10,16 @@ from telerobot.server.control.spatial import (
     moved_near,
     pose_error,
     right_jacobian,
+    rotate_twist,
     rotation_exp,
     rotation_log,
     rotation_rpy,
     sizes,
+    skew,
     turned,
+    twist_at,
     vector_rate,
+    wrench_to,
 )
 
 ANGLES = (0.0, 1e-12, 1e-8, 1e-6, 1e-4, 0.1, 1.0, 2.0, 3.0, 3.1, np.pi - 1e-4, np.pi - 1e-7)

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.collision import Situation, Tool
-from telerobot.server.control.spatial import Pose
-from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.barriers.clearance import Situation, Tool
+from telerobot.server.control.spatial import Motion, Pose
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 from .test_clearance import EVERYTHING, FAR, Kept

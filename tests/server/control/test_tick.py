@@ -3,11 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.server.control.arm.arm import Arm as ArmControl
+from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.asked import ViewGoal
-from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.source import PathGoal, ViewGoal
 from telerobot.server.control.tick import Control
 
 FORWARD = (0.1, 0.0, 0.0, 0.0, 0.0, 0.0)

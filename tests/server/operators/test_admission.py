@@ -1,10 +1,9 @@
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.proof import Proof, prove
+from telerobot.protocols.proof import KeyPair, Proof, prove
 from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.refusals import Refused, Why
 

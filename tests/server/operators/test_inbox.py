@@ -12,7 +12,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.perception.moving import FrameNews
+from telerobot.protocols.messages.perception import FrameNews
 from telerobot.protocols.proof import prove
 from telerobot.server.operators.admission import Admission, Instant
 from telerobot.server.operators.inbox import ANSWERED, PART, Inbox

@@ -1,5 +1,5 @@
 from telerobot.protocols.proof import Proof, prove
-from telerobot.server.operators.lease import Lease
+from telerobot.server.operators.admission import Lease
 
 FIRST, SECOND = bytes([1]) * 32, bytes([2]) * 32
 KEY = "telerobot/cell/cmd/cancel"

@@ -6,22 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from telerobot.protocols import topics as t
-from telerobot.protocols.agreement import KeyPair
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.proof import prove
+from telerobot.protocols.proof import KeyPair, prove
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.tick import Control
+from telerobot.server.events import Events
 from telerobot.server.mode import Mode, PendingAction
 from telerobot.server.operators.admission import Admission, Grants, Instant
 from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
-from telerobot.server.operators.mode_requests import ENABLE_TIMEOUT_S
-from telerobot.server.operators.request_context import RequestContext
-from telerobot.server.operators.services import Services
+from telerobot.server.operators.requests import ENABLE_TIMEOUT_S, RequestContext, Services
 from telerobot.server.refusals import Refused, Why
-from telerobot.server.runtime.events import Events
 from telerobot.server.units.units import Units
 from telerobot.tools.simulation.seeded_keys import seeded_keys
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.protocols.messages.perception.sightings import Sighting
+from telerobot.protocols.messages.perception import Sighting
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log, rotation_rpy
+from telerobot.server.events import Events
 from telerobot.server.perception.cameras import VisionTracker
 from telerobot.server.refusals import Refused
-from telerobot.server.runtime.events import Events
 
 TARGET = Pose(rotation_rpy(1.5708, 0.3, -1.4), np.array([1.2, 0.1, 0.5]))
 BASE = Pose.identity()

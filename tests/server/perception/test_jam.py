@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.contact.jam import JAMMED_S, PRESSED_N, JamMonitor
+from telerobot.server.perception.contact import JAMMED_S, PRESSED_N, JamMonitor
 
 T, SPEED = 0.01, 0.004
 ALONG = np.array([SPEED, 0.0, 0.0])

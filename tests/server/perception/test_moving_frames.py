@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.protocols.messages.perception.moving import FrameNews
+from telerobot.protocols.messages.perception import FrameNews
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
+from telerobot.server.events import Events
 from telerobot.server.perception.moving_frames import FrameTracker
 from telerobot.server.refusals import Refused, Why
-from telerobot.server.runtime.events import Events
 
 T = 0.01
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell
-from telerobot.config.schema.obstacles import ObstacleSection
+from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.protocols.codec import CodecError, decode_as, encode
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import ObstacleNews
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import MOST, ObstacleMap
 from telerobot.server.refusals import Refused, Why
-from telerobot.server.runtime.events import Events
 
 TABLE = ObstacleSection(name="table", shape="box", xyz=(0.5, 0, 0.1), half_size=(0.2, 0.4, 0.1))
 CART = ObstacleSection(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.mode import Mode
-from telerobot.server.perception.contact.tool import LASTS, RELIEVED_S, STAYS_S, PressedTool
+from telerobot.server.perception.contact import LASTS, RELIEVED_S, STAYS_S, PressedTool
 
 T, THRESHOLD = 0.01, 30.0
 NOTHING, RELIEF = np.zeros(6), np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])

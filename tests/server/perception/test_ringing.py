@@ -7,9 +7,9 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
+from telerobot.server.events import Events
 from telerobot.server.mode import Mode
-from telerobot.server.perception.contact.ringing import ContactStability
-from telerobot.server.runtime.events import Events
+from telerobot.server.perception.contact import ContactStability
 
 T = 0.01
 

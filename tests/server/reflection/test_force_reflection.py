@@ -3,12 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.motion import ClutchRequest, MasterPose
-from telerobot.protocols.messages.reflection import ReflectionRequest
-from telerobot.server.commands.clutch import Master
+from telerobot.protocols.messages.messages import ClutchRequest, MasterPose, ReflectionRequest
 from telerobot.server.commands.commands import Commands
+from telerobot.server.commands.haptics import Master
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.reflection.force_reflection import Reflector, pose_stiffness
+from telerobot.server.reflection import Reflector, pose_stiffness
 from telerobot.server.refusals import Refused
 
 ENVELOPE = {"seen_tick": 1}

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 import pytest
-from telerobot.server.reflection.passivity import Port, admit, damping
+from telerobot.server.reflection import Port, admit, damping
 
 RESERVE = 0.01
 STEP_S = 0.001

@@ -1,4 +1,4 @@
-from telerobot.server.runtime.events import PER_SECOND, Events
+from telerobot.server.events import PER_SECOND, Events
 
 
 def test_events_carry_a_running_id_the_tick_the_time_and_their_values():

@@ -7,9 +7,8 @@ import re
 import socket
 
 import pytest
-from telerobot.server.runtime.events import Events
-from telerobot.server.runtime.log_lines import MOST_WAITING, LogLines, is_journals, line_of
-from telerobot.server.runtime.service import notify
+from telerobot.server.events import MOST_WAITING, Events, LogLines, is_journals, line_of
+from telerobot.server.process import notify
 
 FIELD = re.compile(r'(\S+?)=("(?:[^"\\]|\\.)*"|\S*)(?: |$)')
 

@@ -6,10 +6,9 @@ from collections import deque
 import numpy as np
 import pytest
 from telerobot.config.load import Cell, altered, load_cell
-from telerobot.config.schema.mechanism.torque import TorqueSection
-from telerobot.server.stability.following import delays, stiffest_hand
-from telerobot.server.stability.gains import LoopBounds
-from telerobot.server.stability.torque_loop import spectral_radius
+from telerobot.config.schema.mechanism import TorqueSection
+from telerobot.server.stability.judgement import LoopBounds
+from telerobot.server.stability.loops import delays, spectral_radius, stiffest_hand
 
 T = 0.01
 

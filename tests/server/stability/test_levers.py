@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, ConfigError, grasp_part, joint_part, load_cell
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.perception.moving import FrameRequest
+from telerobot.protocols.messages.perception import FrameRequest
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.refusals import Refused, Why
-from telerobot.server.stability.force_loop import ForceLoop, bound
-from telerobot.server.stability.gains import LoopBounds
+from telerobot.server.stability.judgement import LoopBounds
+from telerobot.server.stability.loops import ForceLoop, bound
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 

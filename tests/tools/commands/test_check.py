@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from telerobot.config.load import HERE, load_cell, shipped
-from telerobot.server.control.mechanism.kinematics import Mechanism
-from telerobot.server.stability.force_loop import bound, filter_periods, jerk_lag_s
+from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.stability.loops import bound, filter_periods, jerk_lag_s
 from telerobot.tools.checks.bus_load import worst_case_bits
 from telerobot.tools.checks.drives import drives
 from telerobot.tools.checks.findings import Severity, failed

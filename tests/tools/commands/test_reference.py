@@ -1,7 +1,7 @@
 import pytest
 from laboratory.equipment.reference import BEGIN, END, PAGE, reference, updated
 from telerobot.config.schema.cell import CellConfig
-from telerobot.config.schema.mechanism.mechanism import DriveSection
+from telerobot.config.schema.mechanism import DriveSection
 
 
 def test_the_page_shows_the_schema_as_it_is():

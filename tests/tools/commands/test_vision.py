@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.section import PoseSection
-from telerobot.config.schema.sensors.cameras import CameraSection
+from telerobot.config.schema.surroundings import CameraSection
 from telerobot.tools.cli import main
 
 pytest.importorskip("cv2")

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.flight.container import MEMORY, TICK
+from telerobot.server.recorder import MEMORY, TICK
 from telerobot.tools.cli import main
 from telerobot.tools.recording.live.viewer import Viewer
 from telerobot.tools.recording.recorder import Recorder

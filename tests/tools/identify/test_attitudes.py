@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
 from telerobot.tools.identify.attitudes import attitudes
 

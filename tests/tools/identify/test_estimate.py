@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.drivers.rig.nodes.sensors.cross_talk import response
+from telerobot.drivers.rig.nodes.sensors import response
 from telerobot.server.control.spatial import rotation_exp, rotation_log, rotation_rpy
 from telerobot.tools.identify.estimate import NotIdentified, estimate
 

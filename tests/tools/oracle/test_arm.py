@@ -7,7 +7,7 @@ import pytest
 from laboratory.oracle.arm import OracleArm
 from laboratory.oracle.poses import difference
 from telerobot.config.load import Cell, load_cell
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 from laboratory.oracle.duck import gate_of
-from telerobot.config.schema.rig.bridge import RigBridgeSection
-from telerobot.drivers.rig.physics.bodies.bridge import add_bridge
+from telerobot.config.schema.rig import RigBridgeSection
+from telerobot.drivers.rig.physics.bodies import add_bridge
 
 
 @pytest.mark.parametrize("skew", [-0.3, -0.1, 0.0, 0.2, 0.3])

@@ -6,9 +6,9 @@ from laboratory.oracle.gap import crossing, sharpest_of
 from laboratory.oracle.passable import passable
 from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.backbone import SegmentSection
+from telerobot.config.schema.mechanism import SegmentSection
 from telerobot.config.schema.section import PoseSection
-from telerobot.server.control.mechanism.backbone.insertion import Backbone
+from telerobot.server.control.backbone.insertion import Backbone
 
 
 def judged(section):

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
+from telerobot.protocols.messages.perception import ContourNews, ScanPoints
 from telerobot.server.perception.scanning.scanning import Looked
 from telerobot.tools.recording.live import listener
 from telerobot.tools.recording.live.files import Files

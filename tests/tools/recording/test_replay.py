@@ -9,8 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
-from telerobot.server.flight.container import MEMORY, TICK, Stamped, joined
-from telerobot.server.flight.values import pack, unpack
+from telerobot.server.recorder import MEMORY, TICK, Stamped, joined, pack, unpack
 from telerobot.tools.cli import main
 from telerobot.tools.recording.replay.replay import Replay
 from telerobot.tools.recording.run_file import read_about, read_cell, read_run

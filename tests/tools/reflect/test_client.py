@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.reflection import ReflectionSection
-from telerobot.protocols.messages.messages import Frame
-from telerobot.protocols.messages.reflection import Reflection
+from telerobot.config.schema.network import ReflectionSection
+from telerobot.protocols.messages.messages import Frame, Reflection
 from telerobot.tools.reflect.client import ReflectingClient
 
 

@@ -3,7 +3,7 @@
 from collections import deque
 
 import pytest
-from telerobot.config.schema.reflection import HandleSection, HandSection
+from telerobot.config.schema.network import HandleSection, HandSection
 from telerobot.tools.reflect.small_gain import ARM_S, GREATEST, HeldStick
 
 STEP_S = 0.002

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.bridge import RigBridgeSection
+from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.drivers.rig.physics.scene import build_model
-from telerobot.drivers.rig.physics.sensors.rangefinder import Rangefinder
+from telerobot.drivers.rig.physics.sensors import Rangefinder
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.scanning.geometry import MeasuredInstant
+from telerobot.server.perception.scanning.placing import MeasuredInstant
 from telerobot.server.perception.scanning.scanning import Looked, Scanning
 
 Array = NDArray[np.float64]

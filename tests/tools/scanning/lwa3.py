@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from telerobot.config.load import Cell, load_cell
 from telerobot.server.perception.scanning.contour import CellPlane
-from telerobot.server.perception.scanning.postures import CriticalPoints
-from telerobot.server.perception.scanning.search import Reach, Search
+from telerobot.server.perception.scanning.reflex import CriticalPoints, Reach, Search
 
 PLANE = CellPlane()
 REACH = Reach(choose=0.11, trigger=0.10, give_up=0.07, column=0.08)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.scanning.behind import (
+from telerobot.server.perception.scanning.placing import (
     BANDS,
     CELL,
     LOOKS_BACK,

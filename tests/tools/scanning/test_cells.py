@@ -7,7 +7,7 @@ as seen from ahead, and false where the bridge does not reach into it.
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from telerobot.config.schema.rig.bridge import RigBridgeSection
+from telerobot.config.schema.rig import RigBridgeSection
 
 from .drive import Rover
 

@@ -5,16 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from telerobot.server.perception.scanning.boxes import boxes_of
-from telerobot.server.perception.scanning.contour import Contour, contour_of
-from telerobot.server.perception.scanning.interference import (
+from telerobot.server.perception.scanning.contour import (
+    Contour,
     Obstacles,
+    boxes_of,
     clearance,
+    contour_of,
     crossed,
     forbidden,
     interference,
 )
-from telerobot.server.perception.scanning.memory import PointMemory
+from telerobot.server.perception.scanning.placing import PointMemory
 
 from .lwa3 import PLANE, START, search
 

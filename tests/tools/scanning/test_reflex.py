@@ -4,10 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from telerobot.server.perception.scanning.contour import Contour
-from telerobot.server.perception.scanning.interference import Obstacles, clearance
-from telerobot.server.perception.scanning.reflex import PassagePhase, PassageReflex
-from telerobot.server.perception.scanning.search import Search
+from telerobot.server.perception.scanning.contour import Contour, Obstacles, clearance
+from telerobot.server.perception.scanning.reflex import PassagePhase, PassageReflex, Search
 
 from .lwa3 import PLANE, START, search
 

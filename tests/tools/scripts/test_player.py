@@ -3,7 +3,7 @@ import tomllib
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.tools.scripts.player import Phase, Player
 from telerobot.tools.scripts.script import Script
 

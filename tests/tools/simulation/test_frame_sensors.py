@@ -7,7 +7,7 @@ from telerobot.config.load import load_cell
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301
-from telerobot.protocols.messages.perception.moving import RigMotion
+from telerobot.protocols.messages.perception import RigMotion
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.simulation.frame_sensors import FrameSensors, SyncTicks
 

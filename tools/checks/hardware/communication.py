@@ -4,10 +4,9 @@ import struct
 from typing import Final
 
 from ....protocols.canopen import can301, cia402
+from ....protocols.canopen.can301 import LENGTHS, OUT_OF_RANGE, Abort, NmtCommand, NmtState
 from ....protocols.canopen.can301 import CommunicationObject as Com
-from ....protocols.canopen.can301 import NmtCommand, NmtState
 from ....protocols.canopen.cia402 import Controlword, DriveState, Object
-from ....protocols.canopen.sdo import LENGTHS, OUT_OF_RANGE, Abort
 from .rule import Rule
 from .sdo_client import SdoAbortError, SdoSilenceError, named
 from .tried_drive import U8, U16, U32, AbsentError, BrokenError, TriedDrive

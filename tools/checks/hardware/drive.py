@@ -4,12 +4,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.mechanism.mechanism import DriveSection
+from ....config.schema.mechanism import DriveSection
 from ....protocols.canopen import cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import FrameError, emcy_name
-from ....protocols.canopen.cia402 import DriveState, Object, OperationMode
-from ....protocols.canopen.counter import SPAN
+from ....protocols.canopen.cia402 import SPAN, DriveState, Object, OperationMode
 from ..findings import Finding, Severity
 from .scan import FoundNode
 

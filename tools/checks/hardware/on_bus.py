@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from ....config.load import Cell
-from ....config.schema.bus.on_bus import CanOpenNodeSection, Entry
-from ....config.schema.mechanism.mechanism import DriveSection
-from ....drivers.fieldbus import Fieldbus
-from ....drivers.fieldbuses import Fieldbuses, open_buses
+from ....config.schema.bus import CanOpenNodeSection, Entry
+from ....config.schema.mechanism import DriveSection
+from ....drivers.fieldbus import Fieldbus, Fieldbuses, open_buses
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ..findings import Finding, Severity
 from .drive import compare

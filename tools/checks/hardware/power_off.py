@@ -4,9 +4,8 @@ import struct
 from typing import Final
 
 from ....protocols.canopen import can301, cia402
-from ....protocols.canopen.can301 import NmtCommand
+from ....protocols.canopen.can301 import OUT_OF_RANGE, NmtCommand
 from ....protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode, Status
-from ....protocols.canopen.sdo import OUT_OF_RANGE
 from .rule import Rule
 from .sdo_client import named
 from .tried_drive import I8, I16, I32, U16, U32, AbsentError, BrokenError, TriedDrive

@@ -5,9 +5,9 @@ from typing import Final
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import DriveSection
-from ....drivers.fieldbuses import open_buses
+from ....config.schema.bus import Entry
+from ....config.schema.mechanism import DriveSection
+from ....drivers.fieldbus import open_buses
 from ..findings import Finding, Severity
 from .rule import RuleOutcome
 from .trial import try_drive

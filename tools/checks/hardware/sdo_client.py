@@ -12,7 +12,7 @@ from typing import Final
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus
 from ....protocols.canopen import can301
-from ....protocols.canopen.sdo import Abort
+from ....protocols.canopen.can301 import Abort
 
 REPLY_S: Final = 0.5
 """Time after which a request counts as unanswered [s]."""

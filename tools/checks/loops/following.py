@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.mechanism.mechanism import PayloadSection
-from ....server.stability.following import delays, stiffest_hand
-from ....server.stability.force_loop import ForceLoop
-from ....server.stability.payloads import PayloadBounds, payload_words
+from ....config.schema.mechanism import PayloadSection
+from ....server.stability.judgement import PayloadBounds, payload_words
+from ....server.stability.loops import ForceLoop, delays, stiffest_hand
 from ..findings import Finding, Severity, graded
 
 COMFORT = 0.5

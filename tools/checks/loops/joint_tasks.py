@@ -5,19 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....config.agree.agree import REQUIRED_POSTURES
+from ....config.consistency import REQUIRED_POSTURES
 from ....config.load import Cell, grasp_part
 from ....config.schema.joint_task import JointTaskSection
 from ....config.schema.section import PoseSection
-from ....server.control.arm.arm import Arm
+from ....server.control.arm import Arm
 from ....server.control.grasps.load_shares import load_shares
 from ....server.control.grasps.views import mean_of
-from ....server.control.joint_task.at_fault import Moving
+from ....server.control.joint_task.forces import Moving, weight_of
 from ....server.control.joint_task.joint_task import FIT_M, JointTask
-from ....server.control.joint_task.weighing import weight_of
-from ....server.control.mechanism.kinematics import Mechanism
-from ....server.control.rigid_body import rotate_twist, wrench_to
-from ....server.control.spatial import GRAVITY, Array, Pose
+from ....server.control.mechanism.model import Mechanism
+from ....server.control.spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
 from ..findings import Finding, Severity, graded
 from ..holding import (
     ROOM,

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.reflection import ReflectionSection
+from ....config.schema.network import ReflectionSection
 from ....protocols.topics import KEEPALIVE
-from ....server.reflection.force_reflection import pose_stiffness
+from ....server.reflection import pose_stiffness
 from ...reflect.small_gain import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick
 from ..findings import Finding, Severity
 

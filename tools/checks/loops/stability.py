@@ -6,9 +6,8 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.section import Vector6
-from ....server.stability.force_loop import ForceLoop, bound
-from ....server.stability.gains import error_delay_periods
-from ....server.stability.payloads import PayloadBounds, payload_words
+from ....server.stability.judgement import PayloadBounds, error_delay_periods, payload_words
+from ....server.stability.loops import ForceLoop, bound
 from ..findings import Finding, Severity, Value, graded
 from .following import payloads
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....server.stability.torque_loop import RATIOS, spectral_radius
+from ....server.stability.loops import RATIOS, spectral_radius
 from ..findings import Finding, graded
 
 SWIFT = 0.98

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....config.agree.agree import REQUIRED_POSTURES
+from ....config.consistency import REQUIRED_POSTURES
 from ....config.load import Cell
-from ....server.control.mechanism.kinematics import Mechanism
+from ....server.control.mechanism.model import Mechanism
 from ....server.control.spatial import Pose
 from ..findings import Finding, Severity
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....config.agree.agree import REQUIRED_POSTURES
+from ....config.consistency import REQUIRED_POSTURES
 from ....config.load import Cell, ConfigError
 from ....drivers.rig.physics.scene import build_model
 from ....server.control.proximity.capsules import Capsules

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
+from ....config.schema.surroundings import ContourReflexSection, ScannerSection
 from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Array
 from ....server.perception.scanning.contour import INSIDE
-from ....server.perception.scanning.postures import CriticalPoints, arm_joints
+from ....server.perception.scanning.reflex import CriticalPoints, arm_joints
 from ....server.perception.scanning.scanning import reach_of
 from ..findings import Finding, Severity
 

@@ -6,12 +6,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.sensors.scanner import ContourReflexSection, ScannerSection
+from ....config.schema.surroundings import ContourReflexSection, ScannerSection
 from ....server.control.scene import Flags
 from ....server.control.spatial import Array, Pose
 from ....server.perception.scanning.contour import INSIDE, LEAST_HITS
-from ....server.perception.scanning.geometry import MeasuredInstant, ScannerGeometry
-from ....server.perception.scanning.placing import Knots
+from ....server.perception.scanning.placing import Knots, MeasuredInstant, ScannerGeometry
 from ....server.perception.scanning.reflex import STAND_OFF, UNDECIDED_FRONT
 from ..findings import Finding, Severity, graded
 

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.mechanism.sweep import SweepSection
-from ....config.schema.sensors.scanner import ScannerSection
-from ....server.control.proximity.forest import Forest
+from ....config.schema.mechanism import SweepSection
+from ....config.schema.surroundings import ScannerSection
+from ....server.control.proximity.capsules import Forest
 from ....server.perception.scanning.scanning import CONTOUR_EVERY
-from ....server.units.sweep import MOST
+from ....server.units.unit import MOST
 from ..findings import Finding, Severity, graded
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from ....config.load import Cell
-from ....config.schema.mechanism.base import DifferentialBaseSection
-from ....server.control.proximity.forest import Forest
-from ....server.control.wheels.rolling import Rolling
+from ....config.schema.mechanism import DifferentialBaseSection
+from ....server.control.proximity.capsules import Forest
+from ....server.control.wheels import Rolling
 from ..findings import Finding, Severity, graded
 
 NOTICE, MOST = 0.01, 0.05

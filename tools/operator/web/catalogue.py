@@ -4,7 +4,7 @@ import re
 from typing import Any
 
 from ....config.load import Cell
-from ....config.schema.sources.sources import SourcesSection
+from ....config.schema.sources import SourcesSection
 from ....protocols import topics as t
 
 

@@ -13,7 +13,7 @@ from ....drivers.network.session import Session, TopicBuffer
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode
 from ....protocols.messages.messages import Message
-from ....protocols.messages.perception.contour import ScanPoints
+from ....protocols.messages.perception import ScanPoints
 from ....protocols.messages.telemetry import Event, RecordedTick, State
 from .files import Files
 from .viewer import Viewer

@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from ....config.load import Cell, ConfigError
-from ....protocols.messages.perception.contour import ScanPoints
+from ....protocols.messages.perception import ScanPoints
 from ....protocols.messages.telemetry import Event, State
-from ....server.control.proximity.forest import Forest
+from ....server.control.proximity.capsules import Forest
 from ....server.control.spatial import Array, Pose
 
 WORLD: Final = "World"

@@ -13,9 +13,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from ....protocols.messages.perception.camera_picture import CameraPicture
-from ....protocols.messages.perception.contour import ContourNews, ScanPoints
-from ....protocols.messages.perception.obstacles import ObstacleNews
+from ....protocols.messages.perception import CameraPicture, ContourNews, ObstacleNews, ScanPoints
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event, State
 from ...host.progress import counted

@@ -14,12 +14,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from ....config.errors import ConfigError
-from ....config.schema.sensors.scanner import ContourReflexSection
-from ....protocols.messages.perception.contour import NOTHING
+from ....config.schema.surroundings import ContourReflexSection
+from ....protocols.messages.perception import NOTHING
 from ....server.control.spatial import Pose
-from ....server.perception.scanning.contour import CellPlane
-from ....server.perception.scanning.interference import crossed
-from ....server.perception.scanning.postures import CriticalPoints
+from ....server.perception.scanning.contour import CellPlane, crossed
+from ....server.perception.scanning.reflex import CriticalPoints
 from .reader import Array, RecordedRun
 
 SIZE_IN: Final = (11.0, 7.4)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ....drivers.device import DeviceError
-from ....drivers.rig.physics.sensors.camera import RigCameras
+from ....drivers.rig.physics.camera import RigCameras
 from .grasps import internal_force
 from .panels import PANELS, distances
 from .reader import RecordedRun

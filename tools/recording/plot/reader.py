@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell, ConfigError, load_cell
-from ....config.schema.sensors.cameras import CameraSection
+from ....config.schema.surroundings import CameraSection
 from ....server.control.proximity.capsules import Capsules
 from ..run_file import RecordError, read_about, read_run
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from ....config.schema.obstacles import ObstacleSection
+from ....config.schema.surroundings import ObstacleSection
 from ....server.control.spatial import rotation_rpy
 from .grasps import draw_payload
 from .reader import Array, RecordedRun

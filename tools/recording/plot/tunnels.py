@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ....config.errors import ConfigError
-from ....config.schema.mechanism.backbone import BackboneSection
-from ....server.control.mechanism.backbone.insertion import Backbone
-from ....server.control.mechanism.backbone.laying import centre_line
+from ....config.schema.mechanism import BackboneSection
+from ....server.control.backbone.curve import centre_line
+from ....server.control.backbone.insertion import Backbone
 from .reader import Array, RecordedRun
 
 PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)

@@ -6,8 +6,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ....config.errors import printable
-from ....server.flight.container import TICK
-from ....server.flight.log import read_row
+from ....server.recorder import TICK, read_row
 from ...host.progress import counted
 from ..run_file import RecordError, read_about, read_cell, read_run
 from .explain import explain

@@ -10,9 +10,18 @@ import numpy as np
 from ....config.load import Cell
 from ....server.control.state import Inputs, Memory, Output
 from ....server.control.tick import Control
-from ....server.flight.container import MEMORY, TICK
-from ....server.flight.log import TOLD, ReadTick, pack_memories, read_row, told
-from ....server.flight.values import RecordedValueError, pack, unpack
+from ....server.recorder import (
+    MEMORY,
+    TICK,
+    TOLD,
+    ReadTick,
+    RecordedValueError,
+    pack,
+    pack_memories,
+    read_row,
+    told,
+    unpack,
+)
 from ..run_file import Recorded, RecordError, read_run
 
 _ARRAYS = ("q", "dq", "command", "following_error", "twist")

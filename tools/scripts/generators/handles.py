@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....config.schema.reflection import ReflectionSection
+from ....config.schema.network import ReflectionSection
 from ....protocols import topics as t
 from ....protocols.messages.telemetry import State
 from ...client.protocol_client import ProtocolClient

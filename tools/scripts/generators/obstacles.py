@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....protocols.messages.perception.obstacles import ObstacleNews
+from ....protocols.messages.perception import ObstacleNews
 from ....protocols.messages.rig import RigFault
 from .tables import MovingObstacle
 

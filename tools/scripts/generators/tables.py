@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from ....protocols import topics as t
 from ....protocols.messages import messages as m
-from ....protocols.messages.perception.obstacles import ObstacleNews
+from ....protocols.messages.perception import ObstacleNews
 from ..message import TopicMessage
 
 KEYS = tuple(topic.key for topic in t.TOPICS)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from ....protocols import topics as t
 from ....protocols.codec import encode
-from ....protocols.messages.perception.obstacles import ObstacleNews
+from ....protocols.messages.perception import ObstacleNews
 from ....protocols.messages.rig import RigFault
 from .tables import SCRIPT, MovingTarget
 

@@ -20,9 +20,9 @@ from functools import cached_property
 from itertools import accumulate
 
 from ....config.load import Cell
-from ....config.schema.bus.on_bus import Entry
-from ....config.schema.mechanism.mechanism import DriveSection
-from ....protocols.canopen.counter import Unwrapped
+from ....config.schema.bus import Entry
+from ....config.schema.mechanism import DriveSection
+from ....protocols.canopen.cia402 import Unwrapped
 
 KINDS = ("velocity", "acceleration", "jerk")
 """What first, second and third differences of positions are judged as."""

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism.backbone import BackboneSection
+from ....config.schema.mechanism import BackboneSection
 from ....protocols.messages.rig import RigTruth
-from ....server.control.mechanism.backbone.chain import Chain
-from ....server.control.mechanism.backbone.laying import centre_line
+from ....server.control.backbone.curve import centre_line
+from ....server.control.backbone.fit import Chain
 from ....server.control.spatial import Array
 
 STEP = 0.004

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from ....config.load import Cell
-from ....config.schema.sensors.cameras import CameraSection, RigTagSection
+from ....config.schema.surroundings import CameraSection, RigTagSection
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import Event
 from ....server.control.spatial import Pose, rotation_log

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 from telerobot.config.load import Cell
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.source import PathGoal
 from telerobot.server.control.tick import Control
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 from telerobot.tools.bench.tick import settings_of
 
 from ..scenes import PeerScene, Thing

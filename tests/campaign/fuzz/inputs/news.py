@@ -5,7 +5,7 @@ from typing import Any
 from telerobot.config.load import Cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import Message
-from telerobot.protocols.messages.perception.obstacles import NEEDED, ObstacleNews
+from telerobot.protocols.messages.perception import NEEDED, ObstacleNews
 from telerobot.protocols.topics import Topic
 
 from .values import Values

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from telerobot.drivers.rig.physics.bodies.pads import pull_pads
+from telerobot.drivers.rig.physics.beam import pull_pads
 
 GAINS = np.array([5e4, 1e3, 200.0, 1.0])
 

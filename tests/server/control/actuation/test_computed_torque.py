@@ -2,12 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.actuation.computed_torque import (
-    acceleration,
-    computed_torque,
-    damped,
-    drift,
-)
+from telerobot.server.control.actuation.torque import acceleration, computed_torque, damped, drift
 from telerobot.server.control.spatial import pose_error
 
 T = 0.01

@@ -8,8 +8,7 @@ import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.actuation.momentum import Foreseen, foreseen, observed, to_expect
-from telerobot.server.control.mechanism.dynamics import Dynamics
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Dynamics, Mechanism
 
 T = 0.01
 K = 10.0

@@ -4,13 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.mechanism.torque import TorqueSection
+from telerobot.config.schema.mechanism import TorqueSection
 from telerobot.server.control.actuation.torque import TorqueLaw
-from telerobot.server.control.mechanism.dynamics import Dynamics
-from telerobot.server.control.mechanism.kinematics import Mechanism
-from telerobot.server.control.rigid_body import wrench_to
-from telerobot.server.control.spatial import Pose, pose_error
-from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.mechanism.model import Dynamics, Mechanism
+from telerobot.server.control.spatial import Motion, Pose, pose_error, wrench_to
 
 T, STEPS = 0.01, 50
 START = np.array([0.0, 0.785398, 0.0, 1.570796, 0.0, -0.785398, 0.0])

@@ -3,23 +3,24 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import AvoidanceSection, ObstacleSection
+from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
     BESIDE,
     BETWEEN,
     CREEP,
+    HORIZON_S,
+    ROUNDEST,
     SLACK,
     Clearance,
     Shown,
+    wanted,
 )
-from telerobot.server.control.barriers.clearance_bounds import HORIZON_S, ROUNDEST, wanted
-from telerobot.server.control.evolve import evolve
-from telerobot.server.control.frame_tree import Body
-from telerobot.server.control.proximity.capsules import Capsules
-from telerobot.server.control.proximity.link_travel import doubtful, travel
+from telerobot.server.control.compiled import evolve
+from telerobot.server.control.proximity.capsules import Capsules, doubtful, travel
+from telerobot.server.control.scene import Body
 from telerobot.server.control.spatial import Pose, rotation_exp
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 THINGS = (
     ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1)),

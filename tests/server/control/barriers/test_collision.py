@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import AvoidanceSection, ObstacleSection
-from telerobot.server.control.barriers.collision import ORDERED, Guard, Situation, Tool
-from telerobot.server.control.evolve import evolve
+from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
+from telerobot.server.control.barriers.clearance import ORDERED, Guard, Situation, Tool
+from telerobot.server.control.compiled import evolve
 from telerobot.server.control.spatial import Pose
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 TABLE = ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
 POST = ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5))

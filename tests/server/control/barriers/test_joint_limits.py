@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.joint_limits import JointRoom, Room
-from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.barriers.rows import JointRoom, Room
+from telerobot.server.control.spatial import Motion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 T = 0.01

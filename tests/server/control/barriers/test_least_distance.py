@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from laboratory.campaign.kernels.wedges import Wedge, wedge
-from telerobot.config.schema.obstacles import ObstacleSection
+from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.barriers.least_distance import least_distance
 from telerobot.server.control.barriers.programme import BarrierError, nearest
 

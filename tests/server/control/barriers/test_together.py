@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.barriers.programme import nearest
 from telerobot.server.control.barriers.together import PayloadLink
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
 
 V = np.array([0.9, 0.9, 1.8, 1.8, 3.0, 3.0, 3.0] * 2)

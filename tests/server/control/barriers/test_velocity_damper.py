@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.velocity_damper import (
+from telerobot.server.control.barriers.rows import (
     ASIDE_RATE,
     BRAKING,
     CATCH_UP,

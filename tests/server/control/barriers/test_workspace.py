@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import AvoidanceSection, WorkspaceSection
-from telerobot.server.control.barriers.workspace import BETWEEN, Walls
+from telerobot.config.schema.surroundings import AvoidanceSection, WorkspaceSection
+from telerobot.server.control.barriers.rows import BETWEEN, Walls
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.hold.pushed import Pushed
-from telerobot.server.control.hold.retreat import FASTEST, SLOWEST, STEP, Retreat
+from telerobot.server.control.hold import FASTEST, SLOWEST, STEP, Pushed, Retreat
 
 T = 0.01
 LEASH = 0.1

@@ -13,7 +13,7 @@ from telerobot.drivers.rig.physics.world import World
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.asked import StickCommand
+from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.tick import Control
 
 T = 0.01

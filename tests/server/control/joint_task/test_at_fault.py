@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers import servo_status
-from telerobot.server.control.arm.arm import Arm
-from telerobot.server.control.joint_task.at_fault import AWAITED, pads
+from telerobot.drivers import device as servo_status
+from telerobot.server.control.arm import Arm
+from telerobot.server.control.joint_task.forces import AWAITED, pads
 from telerobot.server.control.joint_task.joint_task import JointTask
-from telerobot.server.control.rigid_body import skew
+from telerobot.server.control.spatial import skew
 from telerobot.tools.checks.loops.joint_tasks import _moving
 
 K, TURNING = 50_000.0, 1000.0

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from telerobot.server.control.state import Intent
-from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.source import PathGoal
 
 from .carrying import Carrying, T, pair
 

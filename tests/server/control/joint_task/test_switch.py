@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
-from telerobot.server.control.joint_task.switch import HoldRefused, held_together, let_go
+from telerobot.server.control.joint_task.joint_task import HoldRefused, held_together, let_go
 from telerobot.server.control.state import Intent
 from telerobot.server.control.tick import Control
 

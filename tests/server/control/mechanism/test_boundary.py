@@ -1,5 +1,5 @@
 import numpy as np
-from telerobot.server.control.mechanism.boundary import bend
+from telerobot.server.control.mechanism.resolution import bend
 
 
 def jacobian(arm, q):

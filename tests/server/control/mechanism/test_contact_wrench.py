@@ -1,7 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.server.control.mechanism.contact_wrench import (
+from telerobot.server.control.mechanism.wrench import (
     INERTIA_PERIODS,
     ContactWrench,
     WrenchState,

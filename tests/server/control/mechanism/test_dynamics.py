@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.dynamics import Dynamics, dynamics_of
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Dynamics, Mechanism, dynamics_of
 from telerobot.server.control.spatial import Pose
 
 ROTORS = np.array([1.5, 1.5, 0.8, 0.8, 0.15, 0.15, 0.1])

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.schema import cell as schema
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
 
 STEP = 1e-6

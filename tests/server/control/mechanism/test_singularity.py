@@ -6,7 +6,7 @@ from laboratory.campaign.kernels.crossings import Singular, arms
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.config.schema.cell import ResolveSection
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.resolution import resolve
 from telerobot.server.control.spatial import Pose
 

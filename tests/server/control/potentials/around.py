@@ -1,8 +1,8 @@
 """Scenes made by hand, and what they do to one link."""
 
 import numpy as np
-from telerobot.server.control.evolve import evolve
-from telerobot.server.control.mechanism.null_space.potentials.forces import push
+from telerobot.server.control.compiled import evolve
+from telerobot.server.control.mechanism.potentials import push
 from telerobot.server.control.scene import Boxes, Rounds, empty
 
 

@@ -1,12 +1,7 @@
 """The planar arm of the paper's example: three links of a metre, and one charge (section IV)."""
 
 import numpy as np
-from telerobot.server.control.mechanism.null_space.potentials.geometry import shape
-from telerobot.server.control.mechanism.null_space.potentials.potential import (
-    Potential,
-    Strengths,
-    Value,
-)
+from telerobot.server.control.mechanism.potentials import Potential, Strengths, Value, shape
 
 from .around import points
 from .search import Place

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from telerobot.server.control.mechanism.null_space.potentials.curvature import curvature
+from telerobot.server.control.mechanism.potentials import curvature
 from telerobot.server.control.spatial import Array
 
 LONGEST = 0.1

@@ -1,7 +1,7 @@
 """The points of lines that are closest to links, and the jump that they make."""
 
 import numpy as np
-from telerobot.server.control.mechanism.null_space.potentials.forces import closest
+from telerobot.server.control.mechanism.potentials import closest
 
 from .around import acting, lines
 

@@ -4,11 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.null_space.potentials.forces import (
-    by_charge,
-    direction,
-    push,
-)
+from telerobot.server.control.mechanism.potentials import by_charge, direction, push
 
 from .around import acting, points
 

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import Cell, ConfigError
-from telerobot.config.schema.obstacles import AvoidanceSection, LinkCapsuleSection
+from telerobot.config.schema.surroundings import AvoidanceSection, LinkCapsuleSection
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
 

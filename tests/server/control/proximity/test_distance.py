@@ -3,8 +3,7 @@
 import coal
 import numpy as np
 import pytest
-from telerobot.server.control.proximity.distance import measured, shortfall
-from telerobot.server.control.proximity.gaps import NearestPoints
+from telerobot.server.control.proximity.distance import NearestPoints, measured, shortfall
 from telerobot.server.control.spatial import rotation_exp
 
 COUNT = 300

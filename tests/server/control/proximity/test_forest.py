@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.proximity.capsules import Capsules
-from telerobot.server.control.proximity.forward_kinematics import frames_at, placed_at
-from telerobot.server.control.proximity.gaps import slopes
-from telerobot.server.control.proximity.link_travel import levers
+from telerobot.server.control.proximity.capsules import Capsules, frames_at, levers, placed_at
+from telerobot.server.control.proximity.distance import slopes
 from telerobot.server.control.spatial import rotation_exp
 
 BODIES = np.array([0, 2, 7])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.obstacles import (
+from telerobot.config.schema.surroundings import (
     AllowedContactSection,
     AvoidanceSection,
     ObstacleSection,
@@ -14,8 +14,8 @@ from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.control.scene import Scene
 from telerobot.server.control.spatial import Pose
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 BOXES = tuple(
     ObstacleSection(

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.obstacles import ObstacleSection
-from telerobot.server.control.proximity.points import apart
+from telerobot.config.schema.surroundings import ObstacleSection
+from telerobot.server.control.proximity.distance import apart
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 SOLIDS = {
     "dot": ObstacleSection(name="dot", shape="point", xyz=(0.3, 0.3, 0.6)),

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.stop.gate import Gate
+from telerobot.server.control.stop.limiter import Gate
 
 T = 0.01
 BOUNDS = {"speed": 1.0, "acceleration": 50.0, "jerk": 20_000.0}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from telerobot.server.control.spatial import Motion
 from telerobot.server.control.stop.limiter import Limited, Limiter
-from telerobot.server.control.stop.motion import Motion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 T = 0.01

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.stop.motion import Motion
-from telerobot.server.control.stop.proportion import stopping_in_proportion
+from telerobot.server.control.spatial import Motion
+from telerobot.server.control.stop.profile import stopping, stopping_in_proportion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
-from telerobot.server.control.stop.velocity_profile import stopping
 
 N = 4
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.stop.quick_stop import ramps_in_proportion
+from telerobot.server.control.stop.profile import ramps_in_proportion
 
 OWN = np.array([10.0, 15.0, 25.0, 25.0])
 SPREAD = np.full(4, 0.02)

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from telerobot.server.control.stop.motion import Motion, arriving
+from telerobot.server.control.spatial import Motion, arriving
+from telerobot.server.control.stop.profile import Stop
 from telerobot.server.control.stop.trajectory import (
     PositionPlanner,
     TrajectoryError,
     VelocityPlanner,
 )
-from telerobot.server.control.stop.way_to_rest import Stop
 
 TWO, THREE = slice(0, 2), slice(2, 5)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 import ruckig
-from telerobot.server.control.stop.motion import Motion
+from telerobot.server.control.spatial import Motion
+from telerobot.server.control.stop.profile import reach, stepped
 from telerobot.server.control.stop.trajectory import TrajectoryError, VelocityPlanner
-from telerobot.server.control.stop.velocity_profile import reach, stepped
 
 
 def ruckigs(motion, target, acceleration, jerk, way):

@@ -2,8 +2,7 @@
 
 import numpy as np
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.asked import Asked
-from telerobot.server.control.task.source import Context, Granted, Shaping
+from telerobot.server.control.task.source import Asked, Context, Granted, Shaping
 
 T = 0.01
 A = np.array([2.0] * 3 + [6.0] * 3)

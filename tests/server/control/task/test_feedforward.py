@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import cross
-from telerobot.server.control.task.feedforward import Feedforward, FeedforwardState
+from telerobot.server.control.task.task import Feedforward, FeedforwardState
 
 T = 0.01
 A, J = np.repeat([2.0, 6.0], 3), np.repeat([40.0, 120.0], 3)

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from telerobot.config.schema.sources.schedule import ScheduleSection
-from telerobot.server.control.arm.arm import Arm as ArmControl
+from telerobot.config.schema.sources import ScheduleSection
+from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.state import Intent
-from telerobot.server.control.task.gains import GAIN_TIME_S, Gains, Quantities
-from telerobot.server.control.task.paths.goals import PathGoal
+from telerobot.server.control.task.source import PathGoal
+from telerobot.server.control.task.task import GAIN_TIME_S, Gains, Quantities
 from telerobot.server.control.tick import Control
 
 GAIN = {"joystick": np.ones(6), "position": np.full(6, 2.0), "force": np.full(6, 1e-3)}

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.sources import SOURCES, SourcesSection
+from telerobot.config.schema.sources import SOURCES, SourcesSection
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.asked import StickCommand, ViewGoal
-from telerobot.server.control.task.paths.goals import PathGoal
-from telerobot.server.control.task.table import KINDS
+from telerobot.server.control.task.source import PathGoal, StickCommand, ViewGoal
+from telerobot.server.control.task.task import KINDS
 
 from .shown import SHAPING, granted, shown
 

@@ -1,7 +1,7 @@
 """What holds a base that is driven ahead has a name, and loses it with headway."""
 
 import pytest
-from telerobot.server.perception.ahead.headway import (
+from telerobot.server.perception.ahead import (
     HEADWAY_M,
     HELD_BACK,
     HELD_S,

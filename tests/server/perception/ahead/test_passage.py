@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.perception.contour import ContourNews
-from telerobot.server.perception.ahead.passage import Passage
+from telerobot.protocols.messages.perception import ContourNews
+from telerobot.server.events import Events
+from telerobot.server.perception.ahead import Passage
 from telerobot.server.refusals import Refused, Why
-from telerobot.server.runtime.events import Events
-from telerobot.server.units.looking_ahead import LookingAhead
-from telerobot.server.units.sweep import SweptAxis
+from telerobot.server.units.unit import LookingAhead, SweptAxis
 
 CELL = load_cell("rover_bridge")
 FOLDED = (0.5, -1.0, 0.2, -1.5, 0.1, 0.2, 0.3)

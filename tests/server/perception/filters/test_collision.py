@@ -5,14 +5,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.scene import build_model
-from telerobot.server.control.mechanism.dynamics import Dynamics
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Dynamics, Mechanism
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.filters.collision import (
-    CollisionDetector,
-    DetectorState,
-    SensorLoad,
-)
+from telerobot.server.perception.filters import CollisionDetector, DetectorState, SensorLoad
 
 T = 0.01
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp
-from telerobot.server.perception.filters.follower import Follower
-from telerobot.server.perception.filters.frame_tracking import (
+from telerobot.server.perception.filters import (
+    Follower,
     NewsRejection,
     PlausibleMotion,
     RejectedNews,

@@ -3,12 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log
-from telerobot.server.perception.filters.sighting import (
-    KnownTarget,
-    PictureRejection,
-    SightingBounds,
-    judge,
-)
+from telerobot.server.perception.filters import KnownTarget, PictureRejection, SightingBounds, judge
 
 BELIEF = SightingBounds(
     period_s=0.01,

@@ -6,9 +6,9 @@ from dataclasses import replace
 import can
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.config.schema.bus.on_bus import NodeIdentitySection
+from telerobot.config.schema.bus import NodeIdentitySection
 from telerobot.drivers.device import DeviceError
-from telerobot.drivers.fieldbuses import Fieldbuses
+from telerobot.drivers.fieldbus import Fieldbuses
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, Object
 from telerobot.protocols.messages.rig import RigFault

@@ -5,7 +5,7 @@ import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.motion import MasterPose
+from telerobot.protocols.messages.messages import MasterPose
 from telerobot.protocols.messages.telemetry import TaskDescription
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
 from telerobot.tools.client.motions import Motions

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.protocols.messages.perception.contour import ScanPoints
-from telerobot.server.commands.clutch import SLIP
+from telerobot.protocols.messages.perception import ScanPoints
+from telerobot.server.commands.haptics import SLIP
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.operator.web.pages.surroundings import told_scan
 from telerobot.tools.operator.web.scene import describe

@@ -7,10 +7,9 @@ from typing import get_args
 import pytest
 from telerobot.drivers.device import Cause
 from telerobot.protocols.messages import requests
-from telerobot.protocols.messages.perception.contour import ContourNews
+from telerobot.protocols.messages.perception import ContourNews
 from telerobot.protocols.messages.telemetry import Event, State
-from telerobot.server.perception.ahead.headway import REASONS
-from telerobot.server.perception.ahead.passage import REFUSALS
+from telerobot.server.perception.ahead import REASONS, REFUSALS
 from telerobot.server.refusals import Why
 from telerobot.tools.operator.words.events import event_line, event_words
 from telerobot.tools.operator.words.limits import limit_words

@@ -2,7 +2,7 @@
 
 import pytest
 from telerobot.protocols.codec import decode_as
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.protocols.topics import OBSTACLE
 from telerobot.tools.scripts.generators.tables import MovingTarget
 from telerobot.tools.scripts.generators.targets import NEWS_EVERY_S, TargetMotion

@@ -8,9 +8,13 @@ from typing import Any, Final, NamedTuple
 
 from .....protocols import topics as t
 from .....protocols.codec import CodecError, decode_as
-from .....protocols.messages.perception.camera_picture import CameraPicture
-from .....protocols.messages.perception.contour import NOTHING, ContourNews, ScanPoints
-from .....protocols.messages.perception.obstacles import ObstacleNews
+from .....protocols.messages.perception import (
+    NOTHING,
+    CameraPicture,
+    ContourNews,
+    ObstacleNews,
+    ScanPoints,
+)
 from .....protocols.messages.rig import RigTruth
 from ....client.line import Buffer, MessageCarrier
 from ...words.passage import passage_words

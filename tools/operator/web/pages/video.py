@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from .....protocols import topics as t
 from .....protocols.codec import CodecError, decode_as
-from .....protocols.messages.perception.camera_picture import VideoPiece
+from .....protocols.messages.perception import VideoPiece
 from .....protocols.messages.telemetry import State
 from ....client.line import Buffer, MessageCarrier
 

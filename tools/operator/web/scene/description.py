@@ -2,9 +2,9 @@
 
 from typing import Any, Final, NamedTuple
 
-from .....config.drives.joint_bounds import joint_bounds
+from .....config.drives import joint_bounds
 from .....config.load import Cell
-from .....config.schema.sensors.cameras import CameraSection
+from .....config.schema.surroundings import CameraSection
 from .links import described_links
 from .meshes import Meshes
 from .poses import of_pose

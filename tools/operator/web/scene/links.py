@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from .....config.load import Cell, ConfigError
-from .....server.control.proximity.capsules import fitted
-from .....server.control.proximity.forest import Forest
+from .....server.control.proximity.capsules import Forest, fitted
 from .meshes import Meshes
 from .poses import along, of_origin, of_pose, three
 from .shapes import colours_of, shapes_of

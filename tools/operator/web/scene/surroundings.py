@@ -4,11 +4,8 @@ import math
 from typing import Any
 
 from .....config.load import Cell
-from .....config.schema.obstacles import ObstacleSection
-from .....config.schema.rig.beam import RigBeamSection
-from .....config.schema.rig.bridge import RigBridgeSection
-from .....config.schema.rig.rig import RigSection
-from .....config.schema.sensors.cameras import RigTagSection
+from .....config.schema.rig import RigBeamSection, RigBridgeSection, RigSection
+from .....config.schema.surroundings import ObstacleSection, RigTagSection
 from .....drivers.device import DeviceError
 from .poses import Seven, along, of_pose, seven
 

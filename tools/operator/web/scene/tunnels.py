@@ -3,7 +3,7 @@
 from typing import Any
 
 from .....config.load import Cell
-from .....server.control.mechanism.backbone.laying import centre_line
+from .....server.control.backbone.curve import centre_line
 from .....server.control.spatial import Pose
 
 STEP = 0.0075

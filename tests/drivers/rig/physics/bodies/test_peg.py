@@ -8,7 +8,7 @@ import pytest
 from laboratory.oracle.poses import matrix
 from pydantic import ValidationError
 from telerobot.config.load import load_cell
-from telerobot.config.schema.rig.peg import RigHoleSection, RigPegSection
+from telerobot.config.schema.rig import RigHoleSection, RigPegSection
 from telerobot.drivers.rig.physics.world import World
 
 

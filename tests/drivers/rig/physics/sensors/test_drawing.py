@@ -16,7 +16,7 @@ REFINED_PX = 0.35
 @pytest.fixture
 def drawn(monkeypatch):
     """Return a function that makes the cameras of a cell, which draw."""
-    from telerobot.drivers.rig.physics.sensors import camera
+    from telerobot.drivers.rig.physics import camera
 
     monkeypatch.setattr(camera, "_unusable", ["this test draws"])
     return camera.RigCameras
@@ -40,7 +40,7 @@ def corners(cell, cameras, q, covered=()):
 
 @pytest.mark.parametrize("name", CELLS)
 def test_drawn_and_rendered_pictures_agree_on_where_the_tag_is(opengl, drawn, monkeypatch, name):
-    from telerobot.drivers.rig.physics.sensors import camera
+    from telerobot.drivers.rig.physics import camera
 
     cell = load_cell(name)
     by_hand = drawn(cell)

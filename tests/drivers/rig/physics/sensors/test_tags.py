@@ -1,6 +1,6 @@
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.drivers.rig.physics.sensors.tags import Tags
+from telerobot.drivers.rig.physics.sensors import Tags
 from telerobot.protocols.messages.rig import RigFault
 
 

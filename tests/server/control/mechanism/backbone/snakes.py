@@ -1,13 +1,10 @@
 """Chains and tunnels of the paper's example, for the backbone's tests."""
 
 import numpy as np
-from telerobot.server.control.mechanism.backbone.chain import Chain
-from telerobot.server.control.mechanism.backbone.curve import Curve
-from telerobot.server.control.mechanism.backbone.exterior import Bow, Chord
-from telerobot.server.control.mechanism.backbone.fit import Links
-from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn
-from telerobot.server.control.rigid_body import skew
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.backbone.curve import Bow, Chord, Curve
+from telerobot.server.control.backbone.fit import Chain, Links
+from telerobot.server.control.backbone.tunnels import Arcs, Turn
+from telerobot.server.control.spatial import Pose, skew
 
 X, Y, Z = np.eye(3)
 

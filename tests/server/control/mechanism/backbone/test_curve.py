@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.backbone.exterior import bessel, bow_parameter
-from telerobot.server.control.mechanism.backbone.interior import Arcs, Turn, off_centre
-from telerobot.server.control.mechanism.backbone.modal import Modal
+from telerobot.server.control.backbone.curve import Modal, bessel, bow_parameter
+from telerobot.server.control.backbone.tunnels import Arcs, Turn, off_centre
 from telerobot.server.control.spatial import Pose
 
 from .snakes import ENTRANCE, MAZE, S1, SPACE, X, Y

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.backbone.interior import off_centre
+from telerobot.server.control.backbone.tunnels import off_centre
 
 from .snakes import MAZE, S1, SPACE, alternating, planar, universal
 

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.backbone.gaps import solve_gap
-from telerobot.server.control.mechanism.backbone.interior import Arcs
+from telerobot.server.control.backbone.tunnels import Arcs, solve_gap
 from telerobot.server.control.spatial import Pose
 
 HERE = Pose.from_xyz_rpy((0.1, 0.2, 0.3), (0.0, 0.0, 0.7))

@@ -2,7 +2,7 @@
 
 import numpy as np
 from telerobot.server.control.joints import Joints
-from telerobot.server.control.mechanism.null_space.objective import View
+from telerobot.server.control.mechanism.objectives import View
 
 
 def shown(q, **said):

@@ -1,8 +1,12 @@
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.null_space.manipulability import slope
-from telerobot.server.control.mechanism.null_space.potentials.geometry import ahead, shape
-from telerobot.server.control.mechanism.null_space.potentials.potential import Potential, Strengths
+from telerobot.server.control.mechanism.potentials import (
+    Potential,
+    Strengths,
+    ahead,
+    manipulability_slope,
+    shape,
+)
 from telerobot.server.control.spatial import Pose
 
 from ...chains import CHAINS
@@ -22,7 +26,7 @@ def test_the_rate_is_the_slope_of_the_manipulability(arm, rng):
     for _ in range(10):
         q = arm.random_posture(rng)
         J = jacobian(arm, q)
-        w, found = slope(J)
+        w, found = manipulability_slope(J)
         assert w == pytest.approx(manipulability(J), rel=1e-9, abs=1e-10)
         for k in range(arm.p.n):
             aside = STEP * np.eye(arm.p.n)[k]
@@ -32,7 +36,7 @@ def test_the_rate_is_the_slope_of_the_manipulability(arm, rng):
 
 def test_at_a_singularity_the_slope_is_finite(pa10):
     J = jacobian(pa10, np.zeros(7))
-    w, found = slope(J)
+    w, found = manipulability_slope(J)
     assert w == pytest.approx(0.0, abs=1e-6)
     assert np.abs(found).max() < 1.0
 
@@ -44,7 +48,7 @@ def test_two_sliding_and_one_turning_joint_have_the_slope_of_their_closed_form()
     tip = np.array([np.sin(pitch), 0.0, np.cos(pitch)])
     J = np.zeros((6, 6))
     J[:3, :3], J[3:, 3:] = R, np.column_stack([z, y, tip])
-    w, found = slope(J)
+    w, found = manipulability_slope(J)
     assert w == pytest.approx(np.sin(pitch))
     expected = [0.0, 0.0, 0.0, 0.0, np.cos(pitch), 0.0]
     np.testing.assert_allclose(found, expected, atol=1e-9)
@@ -56,7 +60,7 @@ def test_the_slope_holds_for_a_tool_anywhere(pa10, rng, random_pose):
     def w(aside):
         return manipulability(pa10.mechanism.kinematics(q + aside, tool).J)
 
-    found = slope(pa10.mechanism.kinematics(q, tool).J)[1]
+    found = manipulability_slope(pa10.mechanism.kinematics(q, tool).J)[1]
     slopes = [(w(a) - w(-a)) / (2 * STEP) for a in STEP * np.eye(7)]
     np.testing.assert_allclose(found, slopes, atol=1e-6)
 
@@ -72,7 +76,7 @@ def test_an_arm_that_does_not_reach_all_axes_has_it_on_those_that_it_does(name, 
 
     for _ in range(10):
         q = rng.uniform(-2.5, 2.5, mechanism.n)
-        w, found = slope(mechanism.kinematics(q, Pose.identity()).J, rank)
+        w, found = manipulability_slope(mechanism.kinematics(q, Pose.identity()).J, rank)
         assert w == pytest.approx(of(q), rel=1e-6)
         assert w > 1e-6
         aside = STEP * np.eye(mechanism.n)

@@ -7,19 +7,14 @@ import numpy as np
 import pytest
 from laboratory.bench.load import chain
 from telerobot.config.load import load_cell
-from telerobot.config.schema.obstacles import ObstacleSection
+from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.config.urdf.robot import read_robot
-from telerobot.server.control.mechanism.kinematics import Mechanism
-from telerobot.server.control.mechanism.null_space.priority import (
-    RELEASE_S,
-    Priority,
-    alpha_of,
-    size_of,
-)
-from telerobot.server.control.proximity.control_points import ALIKE, ControlPoints
+from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.mechanism.redundancy import RELEASE_S, Priority, alpha_of, size_of
+from telerobot.server.control.proximity.pairs import ALIKE, ControlPoints
 from telerobot.server.control.spatial import Pose
+from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.server.runtime.events import Events
 
 CELL = load_cell("pa10_hand_pole")
 LAW = CELL.config.priority

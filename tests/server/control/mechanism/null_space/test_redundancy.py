@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.server.control.arm.arm import Arm as ArmControl
-from telerobot.server.control.mechanism.null_space.manipulability import slope
-from telerobot.server.control.mechanism.null_space.redundancy import ObjectiveGains, Redundancy
+from telerobot.config.schema.null_space import OBJECTIVES
+from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.mechanism.potentials import manipulability_slope
+from telerobot.server.control.mechanism.redundancy import ObjectiveGains, Redundancy
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.tick import Control
 
@@ -55,7 +55,7 @@ def test_manipulability_rises_until_its_slope_in_the_null_space_is_flat(swung):
 
     def w():
         k = control.arms[0].mechanism.kinematics(swung.sent[-1], swung.settings.T_wrist_mrf)
-        return slope(k.J)[0]
+        return manipulability_slope(k.J)[0]
 
     found = [w()]
     for _ in range(8):

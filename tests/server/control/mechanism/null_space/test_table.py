@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.null_space.redundancy import OBJECTIVES
-from telerobot.server.control.mechanism.null_space.table import KINDS
+from telerobot.config.schema.null_space import OBJECTIVES
+from telerobot.server.control.mechanism.objectives import KINDS
 
 from .shown import shown
 

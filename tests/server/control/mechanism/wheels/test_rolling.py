@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.arm.arm import Arm
+from telerobot.server.control.arm import Arm
 from telerobot.server.control.mechanism.joint_rates import Around, Wish
-from telerobot.server.control.mechanism.kinematics import Mechanism
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
-from telerobot.server.control.wheels.rolling import Rolled, Rolling
-from telerobot.server.flight.values import pack, unpack
+from telerobot.server.control.wheels import Rolled, Rolling
+from telerobot.server.recorder import pack, unpack
 
 ROLLING = Rolling(radius=0.12, track=0.5)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.following import FollowingSection
+from telerobot.config.schema.sources import FollowingSection
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.task.sources.following import Following, FollowingState
+from telerobot.server.control.task.following import Following, FollowingState
 
 from ..shown import SHAPING, T, shown
 from ..shown import granted as let_through

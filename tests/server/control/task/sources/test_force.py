@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.force import ForceSection
+from telerobot.config.schema.sources import ForceSection
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.sources.force import Force, ForceState
+from telerobot.server.control.task.sources import Force, ForceState
 
 from ..shown import SHAPING, shown
 

@@ -1,7 +1,7 @@
 import numpy as np
-from telerobot.config.schema.sources.joystick import JoystickSection
-from telerobot.server.control.task.asked import StickCommand
-from telerobot.server.control.task.sources.joystick import Joystick, JoystickState
+from telerobot.config.schema.sources import JoystickSection
+from telerobot.server.control.task.source import StickCommand
+from telerobot.server.control.task.sources import Joystick, JoystickState
 
 from ..shown import SHAPING, A, J, T, shown
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.reflex import ReflexSection
-from telerobot.server.control.task.sources.reflex import Reflex
+from telerobot.config.schema.sources import ReflexSection
+from telerobot.server.control.task.sources import Reflex
 
 from ..shown import SHAPING, shown
 

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.spring import SpringSection
-from telerobot.server.control.arm.arm import Arm as ArmControl
-from telerobot.server.control.frame_tree import Body, Moved
-from telerobot.server.control.rigid_body import twist_at
-from telerobot.server.control.spatial import Pose, rotation_exp, rotation_rpy
-from telerobot.server.control.task.asked import StickCommand
-from telerobot.server.control.task.sources.spring import Spring
+from telerobot.config.schema.sources import SpringSection
+from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.scene import Body, Moved
+from telerobot.server.control.spatial import Pose, rotation_exp, rotation_rpy, twist_at
+from telerobot.server.control.task.source import StickCommand
+from telerobot.server.control.task.sources import Spring
 from telerobot.server.control.tick import Control
 
 from ..shown import SHAPING, A, J, T, shown

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
-from telerobot.config.schema.sources.vision import VisionSection
-from telerobot.server.control.rigid_body import twist_at
+from telerobot.config.schema.sources import VisionSection
 from telerobot.server.control.spatial import (
     Pose,
     pose_error,
     rotation_exp,
     rotation_log,
     rotation_rpy,
+    twist_at,
 )
-from telerobot.server.control.task.asked import ViewGoal
-from telerobot.server.control.task.sources.vision import Vision, VisionState
+from telerobot.server.control.task.source import ViewGoal
+from telerobot.server.control.task.sources import Vision, VisionState
 
 from ..shown import SHAPING, A, J, T, shown
 

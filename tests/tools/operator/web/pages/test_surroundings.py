@@ -12,9 +12,12 @@ from telerobot.drivers.network.session import Session
 from telerobot.drivers.network.sessions import router_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.camera_picture import CameraPicture
-from telerobot.protocols.messages.perception.contour import ContourNews, ScanPoints
-from telerobot.protocols.messages.perception.obstacles import ObstacleNews
+from telerobot.protocols.messages.perception import (
+    CameraPicture,
+    ContourNews,
+    ObstacleNews,
+    ScanPoints,
+)
 from telerobot.tools.operator.web.pages.surroundings import WorldNews
 
 PATIENCE_S = 20.0

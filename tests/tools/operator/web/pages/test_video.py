@@ -11,7 +11,7 @@ from telerobot.drivers.network.session import Session
 from telerobot.drivers.network.sessions import router_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception.camera_picture import MOST_PIECES, VideoPiece
+from telerobot.protocols.messages.perception import MOST_PIECES, VideoPiece
 from telerobot.protocols.topics import Role
 from telerobot.tools.operator.web.pages.page import ALIVE_S, Page
 from telerobot.tools.operator.web.pages.video import (

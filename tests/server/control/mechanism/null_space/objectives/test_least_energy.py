@@ -1,5 +1,5 @@
 import numpy as np
-from telerobot.server.control.mechanism.null_space.objectives.least_energy import saving
+from telerobot.server.control.mechanism.objectives import saving
 
 
 def weighted_solution(J, M, twist):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.null_space.objectives.mid_range import MidRange
+from telerobot.server.control.mechanism.objectives import MidRange
 
 from ..shown import joints, shown
 

@@ -1,5 +1,5 @@
 import numpy as np
-from telerobot.server.control.mechanism.null_space.objectives.posture import Posture
+from telerobot.server.control.mechanism.objectives import Posture
 
 from ..shown import joints, shown
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.null_space.potentials.curvature import curvature, weighed
+from telerobot.server.control.mechanism.potentials import curvature, weighed
 
 from ....potentials import planar
 from ....potentials.around import acting, points

@@ -1,1 +1,0 @@
-"""Schema of a CAN bus, and of what every device on one has."""

@@ -1,0 +1,578 @@
+"""Schema of an arm: chain, drives, sensor, payloads, gripper; its base, backbone, torque law."""
+
+import math
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, PrivateAttr, field_validator, model_validator
+
+from .bus import BusFrames, CanId, CanOpenNodeSection, OnBusSection
+from .section import EachJoint, Name, PoseSection, Positive, Section, UrdfName, Vector3, Vector6
+
+# --- Schema of a hyper-redundant arm: its curve, and the tunnels it goes through ------------------
+
+_Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
+
+
+class SegmentSection(Section):
+    """A straight or circular piece of a tunnel; x of its frame is the tangent."""
+
+    length: float = Field(gt=1e-3, le=20, description="along the centre line [m]")
+    bend: _Turn = Field(0.0, description="turn to the left, about its own z [rad]")
+    climb: _Turn = Field(0.0, description="turn upward, about its own -y [rad]")
+    to: PoseSection | None = Field(
+        None,
+        description="entrance of the next tunnel in World: the piece is the gap before it, of this "
+        "length, without walls; its curve is solved once",
+    )
+    open: bool = Field(
+        False, description="true: no walls; the curve beyond the exit, at the end of the list"
+    )
+
+
+class BackboneSection(Section):
+    """The arm is a curve through tunnels; its joints follow (Chirikjian & Burdick 1990)."""
+
+    axes: Literal["planar", "universal", "alternating"] = Field(
+        "planar", description="the joints' axes: all parallel, in crossing pairs, or in turn"
+    )
+    exterior: Literal["bessel", "modal"] = Field(
+        "bessel",
+        description="the free curve from the first joint to the entrance: one cosine of curvature, "
+        "or a sum of modes",
+    )
+    modes: tuple[Annotated[float, Field(ge=-10, le=10)], ...] = Field(
+        (1.0, -0.5),
+        min_length=1,
+        max_length=8,
+        description="of a modal exterior: shares of 1, 2, … sine waves of attitude along it",
+    )
+    bow: float | None = Field(
+        None,
+        ge=-math.pi,
+        le=math.pi,
+        description="where it bows out to, about the entrance's x from its y; none: away from the "
+        "first bend, and 0.79 off it unless planar [rad]",
+    )
+    entrance: PoseSection = Field(
+        description="of the tunnel in World: x points into it, straight ahead of the first joint"
+    )
+    start: float = Field(gt=0, le=50, description="free length s1 of the posture 'start' [m]")
+    least: float = Field(
+        gt=0,
+        le=50,
+        description="least free length: at 1.05 of the way to the entrance, or more [m]",
+    )
+    half_width: float = Field(gt=0, le=1, description="of the tunnel, centre line to wall [m]")
+    link_radius: float = Field(gt=0, le=1, description="of the links' housings [m]")
+    clearance: float = Field(
+        0.004, ge=0, le=1, description="kept to the walls along every stop [m]"
+    )
+    speed: float = Field(0.08, gt=0, le=1, description="greatest insertion speed [m/s]")
+    acceleration: float = Field(0.3, gt=0, le=10, description="of the insertion [m/s²]")
+    most_push: float = Field(
+        10.0, gt=0, le=1e4, description="force of the head at which a drive inserts no further [N]"
+    )
+    quick_stop: Literal["in_proportion", "each"] = Field(
+        "in_proportion",
+        description="in_proportion: drives are told ramps by which all joints come to rest "
+        "together, along the curve (6085h by RPDO2); each: every joint by its own "
+        "quick_stop_deceleration",
+    )
+    tunnel: tuple[SegmentSection, ...] = Field(
+        min_length=1, max_length=64, description="its pieces, from the entrance on"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.start <= self.least:
+            raise ValueError(f"start = {self.start:g} must be above least = {self.least:g}")
+        if self.half_width <= self.link_radius + self.clearance:
+            raise ValueError(
+                f"half_width = {self.half_width:g} must be above link_radius + clearance = "
+                f"{self.link_radius + self.clearance:g}"
+            )
+        for i, piece in enumerate(self.tunnel):
+            if piece.to is not None and (piece.bend or piece.climb or piece.open):
+                raise ValueError(f"tunnel[{i}].to: a gap has neither bend nor climb, and ends")
+        if self.tunnel[0].to is not None or self.tunnel[-1].to is not None:
+            raise ValueError("tunnel: a gap lies between two pieces with walls")
+        if not any(self.modes):
+            raise ValueError("modes: one must not be 0")
+        walled = [not piece.open for piece in self.tunnel]
+        if not walled[0] or walled != sorted(walled, reverse=True):
+            raise ValueError("tunnel: open pieces come last, after one with walls")
+        for i, piece in enumerate(self.tunnel):
+            if self.axes == "planar" and piece.climb:
+                raise ValueError(f"tunnel[{i}].climb: a planar arm cannot follow it")
+            angle = math.hypot(piece.bend, piece.climb)
+            if angle * self.half_width >= piece.length and not piece.open:
+                raise ValueError(
+                    f"tunnel[{i}]: a radius of {piece.length / angle:.4g} m is within the "
+                    f"half width {self.half_width:g} m"
+                )
+        return self
+
+
+# --- Schema of a base on wheels that carries the arm ----------------------------------------------
+
+
+class WheelsSection(Section):
+    """The two driven wheels of a base: joints of the URDF that turn for ever."""
+
+    left: Name = Field(description="joint of the left wheel; it turns about the Base's y axis")
+    right: Name = Field(description="joint of the right wheel")
+    radius: float = Field(gt=0.01, le=2, description="radius of either wheel [m]")
+    track: float = Field(gt=0.05, le=5, description="between their points of contact [m]")
+
+    @model_validator(mode="after")
+    def _two(self) -> "WheelsSection":
+        if self.left == self.right:
+            raise ValueError(f"left and right are one joint: '{self.left}'")
+        return self
+
+
+class DifferentialBaseSection(Section):
+    """A base with two driven wheels on one axle; Base is on the floor, midway between them.
+
+    Its x axis points ahead, its z axis up. The wheels' drives are in CSV, whatever the arm's are.
+    """
+
+    kind: Literal["differential"] = Field(description="how the base moves")
+    wheels: WheelsSection = Field(description="what it rolls on")
+    weight: float = Field(
+        6.0, ge=0.1, le=100, description="cost of arm motion over wheel motion, in radians [1]"
+    )
+    speed: float = Field(0.5, gt=0, le=10, description="cmd/drive asks for at most [m/s]")
+    angular_speed: float = Field(1.0, gt=0, le=10, description="the same [rad/s]")
+    slip: tuple[Positive, Positive] = Field(
+        (0.05, 0.05),
+        description="odometry that disagrees with news of Base by more means that wheels slip "
+        "[m], [rad]",
+    )
+    correction: tuple[Positive, Positive] = Field(
+        (0.05, 0.1),
+        description="news of Base corrects the odometry by at most [m/s], [rad/s]",
+    )
+
+
+# --- Schema of an axis that sweeps: a scanner's tilt ----------------------------------------------
+
+
+class SweepSection(Section):
+    """A joint beside the chain, with a drive like others, that goes to and fro while one may move.
+
+    It is on the root link of the URDF. At a constant speed, but for where it turns round; in HOLD
+    it stands.
+    """
+
+    joint: Name = Field(description="joint of the URDF, of type revolute, on its root link")
+    low: float = Field(ge=-math.pi, le=math.pi, description="where it turns round [rad]")
+    high: float = Field(ge=-math.pi, le=math.pi, description="the other end [rad]")
+    period_s: float = Field(
+        2.03, ge=0.2, le=60,
+        description="to and fro again; no whole number of scans, or they look along the same "
+        "planes every time [s]",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> "SweepSection":
+        if self.low >= self.high:
+            raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
+        return self
+
+
+# --- Schema of the arm: its chain, drives, sensor, payloads and gripper ---------------------------
+
+RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
+"""Controlword, and the setpoint of each operation mode."""
+MOST_DRIVES: Final = 64
+"""Joints of a cell [1]."""
+JointName = UrdfName
+TPDO_BYTES: Final = 8
+"""Statusword, position and torque."""
+
+
+class DriveSection(CanOpenNodeSection):
+    """One CAN servo drive and the joint it moves; what differs from arm to arm stands here."""
+
+    joint: JointName = Field(
+        description="joint of the URDF that this drive moves; 'j1..j15': fifteen drives of "
+        "consecutive nodes"
+    )
+    counts_per_radian: float = Field(
+        gt=100, le=1e9, description="encoder counts per radian of the joint [1/rad]"
+    )
+    direction: Literal[1, -1] = Field(1, description="+1 if counts grow with the joint angle")
+    zero_rad: float = Field(
+        0.0, ge=-100, le=100, description="joint angle at encoder count zero [rad]"
+    )
+    lower: float | None = Field(
+        None,
+        ge=-1e3,
+        le=1e3,
+        description="least position, where the URDF has none, or a lower one [rad]",
+    )
+    upper: float | None = Field(
+        None, ge=-1e3, le=1e3, description="greatest position, likewise [rad]"
+    )
+    rated_torque: float = Field(
+        ge=1e-6, le=1e5, description="torque at the joint that 6077h reports as 1000 [N·m]"
+    )
+    max_torque: float = Field(ge=1e-6, le=1e5, description="torque limit of the drive [N·m]")
+    rotor_inertia: float = Field(
+        0.0, ge=0, le=1e4, description="what its rotor adds at the joint, for dynamics [kg·m²]"
+    )
+    friction: float = Field(
+        0.0, ge=0, le=1e5, description="Coulomb friction at the joint, for dynamics [N·m]"
+    )
+    max_velocity: float = Field(ge=1e-3, le=50, description="joint speed bound V [rad/s]")
+    max_acceleration: float = Field(
+        ge=1e-3, le=500, description="joint acceleration bound A [rad/s²]"
+    )
+    max_jerk: float = Field(ge=1e-3, le=50_000, description="joint jerk bound J [rad/s³]")
+    position_margin: float = Field(
+        0.01, ge=0, le=1, description="kept from the URDF's position limits on either side [rad]"
+    )
+    leash: float = Field(
+        0.03, gt=0, le=1, description="command may run ahead of the joint by at most [rad]"
+    )
+    following_window: float = Field(
+        0.06, gt=0, le=2, description="following error that means quick stop, also 6065h [rad]"
+    )
+    max_torque_rate: float | None = Field(
+        None, gt=0, le=1e7, description="what a commanded torque may change by in CST [N·m/s]"
+    )
+    quick_stop_deceleration: float = Field(
+        10.0, ge=1e-6, le=1000, description="6085h: the drive's own quick-stop ramp [rad/s²]"
+    )
+    coasting_s: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="without new setpoints the drive goes on at its speed for so long, then "
+        "stands; none: one period [s]",
+    )
+    brake_closes_s: float = Field(
+        0.02, ge=0, le=1, description="without power the joint's brake holds after at most [s]"
+    )
+    brake_torque: float | None = Field(
+        None, gt=0, le=1e6, description="the brake holds with so much; none: rated_torque [N·m]"
+    )
+
+    _table: int | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _leash_inside_window(self) -> "DriveSection":
+        if self.leash >= self.following_window:
+            raise ValueError(
+                f"leash {self.leash} must be below following_window {self.following_window}"
+            )
+        return self
+
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
+        """Return its answer to SYNC and its setpoint."""
+        return (BusFrames(TPDO_BYTES), BusFrames(RPDO_BYTES[operation_mode]))
+
+    def of_table(self, table: int, joint: str, node: int) -> Self:
+        """Return the drive of one of the joints that the table of that index means."""
+        drive = self.model_copy(update={"joint": joint, "node": node})
+        drive._table = table
+        return drive
+
+    def key(self, index: int) -> str:
+        """Return where the table of the drive of that index stands in its mechanism's."""
+        return f"drives[{index if self._table is None else self._table}]"
+
+
+LONGEST_TOOL: Final = 2.0
+"""Tools reach no farther from the Wrist [m]."""
+Lever = Annotated[float, Field(ge=-LONGEST_TOOL, le=LONGEST_TOOL)]
+"""From the sensor to a payload's centre of mass along an axis [m]; farther is on no arm."""
+
+
+class PayloadSection(Section):
+    """Everything outboard of the force/torque sensor: its weight is taken off the reading."""
+
+    mass: float = Field(0.0, ge=0, le=500, description="mass [kg]")
+    com: tuple[Lever, Lever, Lever] = Field(
+        (0.0, 0.0, 0.0), description="centre of mass in the Sensor frame [m]"
+    )
+
+
+Moment = Annotated[float, Field(ge=-1e6, le=1e6)]
+"""Of inertia [kg·m²]."""
+
+MostForce = Annotated[float, Field(gt=0, le=655.34)]
+MostMoment = Annotated[float, Field(gt=0, le=16.3835)]
+"""Of a measuring range [N], [N·m]: 16 bits hold no more in the sensor's counts."""
+MeasuringRange = tuple[MostForce, MostForce, MostForce, MostMoment, MostMoment, MostMoment]
+
+
+class LinkInertialSection(Section):
+    """Mass and inertia of a link, where the URDF has none or one that no body can have."""
+
+    link: UrdfName = Field(description="link of the URDF")
+    mass: float = Field(gt=0, le=1e6, description="mass [kg]")
+    com: Vector3 = Field((0.0, 0.0, 0.0), description="centre of mass in the link's frame [m]")
+    inertia: tuple[Moment, Moment, Moment, Moment, Moment, Moment] = Field(
+        description="xx, yy, zz, xy, xz, yz about the centre of mass, in the link's axes [kg·m²]"
+    )
+
+
+class ForceTorqueSection(OnBusSection):
+    """A Robotous RFT force/torque sensor on a CAN bus that has a drive, too."""
+
+    device: Literal["robotous"] = Field("robotous", description="protocol of the sensor")
+    command_id: CanId = Field(0x64, description="CAN id that the sensor listens on")
+    reply_ids: tuple[CanId, CanId] = Field(
+        (0x01, 0x02), description="CAN ids of the two halves of a sample"
+    )
+    rate_hz: Literal[100, 200, 333, 500, 1000] = Field(200, description="output rate [Hz]")
+    pairing_window_s: float = Field(
+        0.002, gt=0, le=0.02, description="the two halves of a sample arrive within [s]"
+    )
+    timeout_s: float = Field(0.05, gt=0, le=1, description="a sample is stale after [s]")
+    measuring_range: MeasuringRange = Field(
+        (655.34,) * 3 + (16.3835,) * 3,
+        description="greatest reading of each axis, by its data sheet; one at an end is none: the "
+        "sensor is stale [N, N·m]",
+    )
+    essential: bool = Field(
+        False, description="true: a stale sensor stops the arm; false: the force source fades"
+    )
+    T_wrist_sensor: PoseSection = Field(
+        default_factory=PoseSection, description="Sensor frame in the Wrist (tip_link) frame"
+    )
+    payload: PayloadSection = Field(
+        default_factory=PayloadSection, description="outboard of the sensor"
+    )
+    bias: Vector6 = Field(
+        (0.0,) * 6, description="reading without load, in the Sensor frame [N, N·m]"
+    )
+    calibration: tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6] | None = Field(
+        None,
+        description="reading less bias to wrench, row by row, against cross-talk; none: as it is",
+    )
+    inertia: bool = Field(
+        True, description="take off the payload's inertial forces: one period of delay"
+    )
+    filter_hz: float = Field(
+        40.0, gt=0, le=500, description="first-order low-pass of the wrench [Hz]"
+    )
+    unexplained_force: float = Field(
+        3.0, gt=0, le=1e3, description="force in the air beyond which a load was told wrong [N]"
+    )
+    unexplained_moment: float = Field(0.4, gt=0, le=1e3, description="the same of a moment [N·m]")
+    stiffest_environment: float = Field(
+        20_000.0,
+        gt=0,
+        le=1e8,
+        description="k_e: stiffest contact expected, in series with the arm's own [N/m]",
+    )
+    stiffest_environment_rotation: float = Field(
+        500.0, gt=0, le=1e6, description="the same about an axis through the MRF [N·m/rad]"
+    )
+    contact_length: float | None = Field(
+        None,
+        ge=0,
+        le=2,
+        description="length of tool, from T_wrist_mrf back to the sensor, that the stiffest "
+        "environment may touch; none: all of it [m]",
+    )
+
+    def identifiers(self) -> tuple[tuple[str, int], ...]:
+        """Return those of its commands and of the halves of a sample."""
+        first, second = self.reply_ids
+        return (("command_id", self.command_id), ("reply_ids[0]", first), ("reply_ids[1]", second))
+
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
+        """Return the two frames of its samples."""
+        return (BusFrames(8, self.rate_hz, count=2),)
+
+
+class GripperSection(CanOpenNodeSection):
+    """A gripper on a digital output of a CiA 401 module."""
+
+    output: int = Field(0, ge=0, le=7, description="its bit in 6200h:01 [1]")
+    closed: Literal[0, 1] = Field(1, description="the bit's value when the gripper is closed")
+    open_payload: Name | None = Field(
+        None, description="payload to switch to when it opens; none: as it is"
+    )
+    closed_payload: Name | None = Field(None, description="the same when it closes")
+
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
+        """Return none: its output is sent when it changes."""
+        return ()
+
+
+class MechanismSection(Section):
+    """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
+
+    name: Name = Field(description="name of the mechanism")
+    urdf: str = Field(description="path, or the name of a URDF that is shipped")
+    bus: Name | None = Field(
+        None, description="bus of its drives, sensor and gripper; none: the first of the cell"
+    )
+    T_world_base: PoseSection = Field(
+        default_factory=PoseSection, description="Base frame in World"
+    )
+    on: Name | None = Field(None, description="mechanism that it stands on; none: World")
+    T_on: PoseSection | None = Field(
+        None, description="Base frame on the mechanism that it stands on, instead of T_world_base"
+    )
+    operation_mode: Literal["csp", "csv", "cst"] = Field(
+        "csp",
+        description="what the drives are sent: positions, speeds, or the torques of [torque]",
+    )
+    drive_hz: float = Field(
+        25.0,
+        gt=0,
+        le=1000,
+        description="natural frequency of the drives' own loops, for bounds; a [rig] tells its own",
+    )
+    rated_payload: float | None = Field(
+        None, gt=0, le=500, description="greatest mass at the tool that the arm is rated for [kg]"
+    )
+    tip_link: str = Field(description="last link of the chain: the Wrist frame")
+    first_joint: JointName | None = Field(
+        None,
+        description="joint of the URDF that the chain begins with; those before it, as of a base "
+        "or a torso, stand at zero; none: the first that moves",
+    )
+    without: tuple[UrdfName, ...] = Field(
+        (),
+        max_length=16,
+        description="links of the URDF that other mechanisms have, each with all that it carries; "
+        "what first_joint carries stays",
+    )
+    T_wrist_mrf: PoseSection = Field(
+        default_factory=PoseSection, description="moving reference frame in the Wrist frame"
+    )
+    drives: tuple[DriveSection, ...] = Field(
+        min_length=1, max_length=MOST_DRIVES, description="one per joint"
+    )
+    inertials: tuple[LinkInertialSection, ...] = Field(
+        (), max_length=128, description="masses and inertias in place of the URDF's"
+    )
+    force_torque: ForceTorqueSection | None = Field(None, description="sensor at the wrist, if any")
+    gripper: GripperSection | None = Field(None, description="gripper at the tool, if any")
+    backbone: BackboneSection | None = Field(
+        None, description="curve through tunnels that the joints follow; absent: a plain arm"
+    )
+    sweep: SweepSection | None = Field(
+        None, description="axis beside the chain that goes to and fro; absent: there is none"
+    )
+    base: DifferentialBaseSection | None = Field(
+        None, description="wheels that carry the arm; absent: it stands where T_world_base says"
+    )
+    payloads: dict[Name, PayloadSection] = Field(
+        default_factory=dict, description="named payloads to switch to, as a whole"
+    )
+    postures: dict[Name, tuple[float, ...]] = Field(
+        description="named postures of the chain's joints [rad]; 'start' and 'ready' are required"
+    )
+
+    @field_validator("T_wrist_mrf")
+    @classmethod
+    def _within_reach(cls, mrf: PoseSection) -> PoseSection:
+        far = math.hypot(*mrf.xyz)
+        if far > LONGEST_TOOL:
+            raise ValueError(
+                f"xyz: {far:g} m from the Wrist: no tool reaches farther than {LONGEST_TOOL:g} m"
+            )
+        return mrf
+
+    @property
+    def beside_chain(self) -> tuple[str, ...]:
+        """Joints that move the tool not at all, or all of the arm."""
+        return (*self.wheels, *(() if self.sweep is None else (self.sweep.joint,)))
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Joints of the wheels, left and right; none of an arm that stands."""
+        return () if self.base is None else (self.base.wheels.left, self.base.wheels.right)
+
+    def mode_of(self, drive: DriveSection) -> str:
+        """Return the operation mode of one of its drives: wheels run at speeds."""
+        return "csv" if drive.joint in self.wheels else self.operation_mode
+
+
+# --- Schema of the law that turns commanded motion into torques (CST) -----------------------------
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class TorqueSection(Section):
+    """Computed torque in the tool's space, for drives in CST; one value for all joints or each.
+
+    The errors of tool and joints die out as `ë + K_d ė + K_p e = 0` does.
+    """
+
+    stiffness: float = Field(100.0, gt=0, le=1e4, description="K_p of the tool's pose [1/s²]")
+    damping: float = Field(20.0, gt=0, le=500, description="K_d of the tool's pose [1/s]")
+    null_stiffness: float = Field(100.0, ge=0, le=1e4, description="K_p of self-motion [1/s²]")
+    null_damping: float = Field(20.0, gt=0, le=500, description="K_v of self-motion [1/s]")
+    friction_speed: float = Field(
+        0.01,
+        gt=0,
+        le=1,
+        description="commanded speed at which most of the joints' friction is fed forward [rad/s]",
+    )
+    friction_lead: float = Field(
+        2.0, ge=0, le=50, description="joint error to speed, where friction may hold a joint [1/s]"
+    )
+    observer: float = Field(
+        10.0, ge=0, le=100, description="bandwidth of the momentum observer; 0: off [1/s]"
+    )
+    observer_share: Share = Field(
+        0.2, description="part of max_torque that the observer may compensate [1]"
+    )
+    compensation: Share = Field(
+        1.0, description="share of the measured contact wrench that is compensated [1]"
+    )
+    lag_s: float = Field(
+        0.0, ge=0, le=0.2, description="how late the tool is behind its command, as measured [s]"
+    )
+    velocity_filter_hz: float = Field(
+        30.0, gt=0, le=500, description="corner of the correction of speeds by encoders [Hz]"
+    )
+    singular_region: float = Field(
+        0.02, gt=0, le=10, description="tool mobility below which joints take over [1/kg]"
+    )
+    singular_damping: float = Field(
+        0.01, gt=0, le=10, description="damping of the tool's inertia at no mobility [1/kg]"
+    )
+    speed_gain: float = Field(
+        5.0, ge=0, le=50, description="CSV: joint error to speed, beside the commanded speed [1/s]"
+    )
+
+
+# --- Schema of collision detection by the drives' torques -----------------------------------------
+
+Torque = Annotated[float, Field(gt=0, le=1e5)]
+
+
+class TouchSection(Section):
+    """Contact that no sensor sees: what the drives give beside what the model says they need."""
+
+    torque: Annotated[tuple[Torque, ...], EachJoint] = Field(
+        min_length=1,
+        max_length=64,
+        description="external torque that means contact, one for all joints or one each [N·m]",
+    )
+    doubt: float = Field(
+        0.35,
+        ge=0,
+        le=2,
+        description="part of the torque that accelerates the arm which may be wrong: inertias, and "
+        "the drives' torque reported late [1]",
+    )
+    filter_hz: float = Field(
+        6.0, gt=0, le=50, description="corner of the low-pass on the estimate [Hz]"
+    )
+    confirm_s: float = Field(
+        0.02, ge=0, le=0.5, description="contact must last this long to stop the arm [s]"
+    )
+    leash: float = Field(
+        0.1, gt=0, le=0.5, description="a joint gives way in HOLD after a touch by at most [rad]"
+    )

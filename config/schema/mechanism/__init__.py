@@ -1,1 +1,0 @@
-"""Schema of a mechanism: chain, drives, tool, base, backbone, sweep, and what its torques tell."""

@@ -1,0 +1,170 @@
+"""Schema of the spare freedoms: redundancy objectives, potential field, virtual spheres."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from .section import Name, Section, Vector3
+
+# --- Schema of the potential field that spare freedoms slide downhill in --------------------------
+
+Strength = Annotated[float, Field(ge=0, le=100)]
+
+
+class VirtualLinkSection(Section):
+    """A prismatic link between path and tool that is not there: along it the tool gives way.
+
+    For an arm without spare freedom. The field pushes the tool off its path, the spring leads it
+    back; it acts while the tool follows a path, and at its end.
+    """
+
+    direction: Vector3 = Field((0.0, 0.0, 1.0), description="along it, either way, in World")
+    stiffness: float = Field(5.0, gt=0, le=1e4, description="of the spring, k_p [N/m]")
+    longest: float = Field(0.2, gt=0, le=2, description="furthest from the path [m]")
+    speed: float = Field(0.2, gt=0, le=5, description="fastest off the path and back [m/s]")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> "VirtualLinkSection":
+        if not any(self.direction):
+            raise ValueError("direction must not be zero")
+        return self
+
+
+class PotentialFieldSection(Section):
+    """Strengths of what repels the links: obstacles, joint limits, singularities.
+
+    The links of the arm are charged along their length. What slides downhill is `redundancy.field`
+    (self-motion) and the virtual link, if any.
+    """
+
+    obstacles: Strength = Field(0.1, description="points and solids, k_obst [N·m]")
+    lines: Strength = Field(0.1, description="sight lines, per metre of line [N]")
+    joint_limits: Strength = Field(0.1, description="springs to mid-range, k_jlim [N·m]")
+    manipulability: Strength = Field(
+        0.0, description="away from singularities, k_manip, times √det(JJᵀ) [N·m]"
+    )
+    line_model: Literal["smooth", "closest"] = Field(
+        "smooth",
+        description="a sight line is charged all along, or, as in the paper, stands as its point "
+        "closest to each link, which jumps where the two are parallel",
+    )
+    least_distance: float = Field(
+        0.02, ge=0.001, le=0.5, description="bounds the field: distances count no less [m]"
+    )
+    virtual_link: VirtualLinkSection | None = Field(
+        None, description="lets the tool leave its path"
+    )
+
+
+# --- Schema of virtual spheres, and of how far avoiding precedes following ------------------------
+
+
+class VirtualSphereSection(Section):
+    """A place on the arm whose distance from obstacles counts."""
+
+    name: Name = Field(description="what telemetry calls it")
+    link: Name = Field(description="link of the URDF that it is fixed to")
+    centre: Vector3 = Field((0.0, 0.0, 0.0), description="in the link's frame [m]")
+
+
+class PrioritySection(Section):
+    """Virtual spheres on the arm: obstacles push them by self-motion, and precede a hand's force.
+
+    Soft, and no promise of a clearance: that is `avoidance`. Distances are from the centres to the
+    obstacles' surfaces.
+    """
+
+    spheres: tuple[VirtualSphereSection, ...] = Field(
+        min_length=1, max_length=16, description="places on the arm"
+    )
+    inner_radius: float = Field(
+        0.15, gt=0, le=2, description="L_min: nearer than this no hand's force is followed [m]"
+    )
+    outer_radius: float = Field(0.25, gt=0, le=5, description="L_max: avoiding begins [m]")
+    joints: tuple[Name, ...] = Field(
+        (), max_length=64, description="whose rates avoid, in the null space (ξ); none: no joint's"
+    )
+    rate: float = Field(
+        0.3,
+        gt=0,
+        le=5,
+        description="k_a: of each at inner_radius, times redundancy.spheres [rad/s]",
+    )
+    precedence: bool = Field(
+        True, description="near obstacles, less of a hand's force is followed: by 1 − α"
+    )
+    steepness: float = Field(
+        5.0, gt=0, le=100, description="k_b: how quickly α falls with the distance [1]"
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> "PrioritySection":
+        if self.outer_radius <= self.inner_radius:
+            raise ValueError(
+                f"outer_radius {self.outer_radius:g} must be above inner_radius "
+                f"{self.inner_radius:g}"
+            )
+        for key, names in (("spheres", [s.name for s in self.spheres]), ("joints", self.joints)):
+            twice = next((name for name in names if list(names).count(name) > 1), None)
+            if twice is not None:
+                raise ValueError(f"{key}: '{twice}' is there twice")
+        return self
+
+
+# --- Schema of the redundancy objectives ----------------------------------------------------------
+
+
+class ObjectivesSection(Section):
+    """Gains of the redundancy objectives: one field each."""
+
+    mid_range: float = Field(
+        0.2, ge=0, le=10, description="pull of every joint to the middle of its range [1/s]"
+    )
+    manipulability: float = Field(
+        0.0, ge=0, le=10, description="away from singularities, times the slope of √det(JJᵀ) [1/s]"
+    )
+    posture: float = Field(
+        0.0, ge=0, le=10, description="pull of every joint to the posture of that name [1/s]"
+    )
+    least_energy: float = Field(
+        0.0, ge=0, le=1, description="share of the way to the least kinetic energy [1]"
+    )
+    field: float = Field(
+        0.0, ge=0, le=10, description="how quickly to the least of the potential field [1/s]"
+    )
+    spheres: float = Field(
+        0.0, ge=0, le=10, description="share of the rates that [priority] asks for [1]"
+    )
+    gravity_torque: float = Field(
+        0.0, ge=0, le=10, description="to postures in which joints carry less weight [1/s]"
+    )
+    reflex: float = Field(
+        1.0, ge=0, le=1, description="share of folding to pass below what is ahead [1]"
+    )
+
+
+OBJECTIVES = tuple(ObjectivesSection.model_fields)
+"""Names of the redundancy objectives, in the order in which their rates are summed."""
+
+
+def _known(name: str) -> str:
+    if name not in OBJECTIVES:
+        raise ValueError(f"no such objective: the objectives are {', '.join(OBJECTIVES)}")
+    return name
+
+
+ObjectiveName = Annotated[str, AfterValidator(_known)]
+
+
+class RedundancySection(ObjectivesSection):
+    """Use of the null space; each gain 0 switches its objective off."""
+
+    posture_name: Name = Field("ready", description="posture that the joints are pulled to")
+    max_rate: float = Field(
+        0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
+    )
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """The objectives' gains by name."""
+        return {name: getattr(self, name) for name in OBJECTIVES}

@@ -1,1 +1,0 @@
-"""Potential field and control points in a cell file."""

@@ -1,1 +1,0 @@
-"""The virtual hardware in a cell file."""

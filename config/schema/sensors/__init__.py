@@ -1,1 +1,0 @@
-"""Schema of the sensors that look about: cameras, laser scanner."""

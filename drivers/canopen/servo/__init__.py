@@ -1,1 +1,0 @@
-"""Driver of a CiA 402 servo drive: set-up, states, setpoints, position, standstill, stop ramp."""

@@ -1,1 +1,0 @@
-"""The simulated CANopen slave (CiA 301): network management, objects, SDO server, PDOs."""

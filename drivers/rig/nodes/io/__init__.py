@@ -1,1 +1,0 @@
-"""Simulated I/O modules (CiA 401): enabling switch, gripper."""

@@ -1,1 +1,0 @@
-"""Simulated sensors: force/torque sensor with its cross-talk, laser scanner."""

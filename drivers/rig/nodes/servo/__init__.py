@@ -1,1 +1,0 @@
-"""The simulated CiA 402 servo drive: state machine, power stage and brake, loops, setpoints."""

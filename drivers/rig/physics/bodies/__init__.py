@@ -1,1 +1,0 @@
-"""Bodies beside the arm: payload on pads, pegs and holes, obstacles, bridge, walls of tunnels."""

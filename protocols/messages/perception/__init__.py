@@ -1,1 +1,0 @@
-"""Messages of what is perceived: obstacles, moving frames, contour, sightings, pictures."""

@@ -1,1 +1,0 @@
-"""Telegrams of SICK's laser scanners."""

@@ -1,1 +1,0 @@
-"""One arm: a mechanism with its task, and what one tick makes of both."""

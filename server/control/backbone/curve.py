@@ -1,0 +1,435 @@
+"""A backbone curve: free from the base to the entrance, then along the tunnels."""
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ....config.drives import joint_bounds
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....config.schema.mechanism import BackboneSection
+from ..compiled import MATRIX, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
+from ..spatial import Array, Pose, rotation_exp
+from .fit import Chain
+from .tunnels import Arcs, Turn, solve_gap
+
+# --- The free part of a backbone, from the arm's base to a tunnel's entrance, in closed form ------
+#
+# Chirikjian & Burdick, eqs. 19 to 22: the curvature is a(t) cos(2π s / s1), so that the
+# attitude is μ sin(2π s / s1) with μ = a s1 / 2π, and the curve ends straight ahead of the base
+# with the tangent that it began with, at h = J0(μ) s1. Points between follow from the expansion
+# of Jacobi and Anger:
+#
+#     cos(μ sin φ) = J0 + 2 Σ J_2k cos 2kφ        sin(μ sin φ) = 2 Σ J_2k+1 sin (2k+1)φ
+#
+# which is integrated term by term. As s1 comes down to h, dμ/ds1 has no bound; everything is a
+# smooth function of μ, though, and rates are given along μ, too.
+
+FIRST_ZERO = 2.404825557695773
+"""J0 is positive and falls for μ below this [1]."""
+ORDERS = 24
+"""Bessel functions of higher order are below 1e-20 there [1]."""
+
+
+class Chord(NamedTuple):
+    """The straight way from the base to the entrance, and where an exterior bows out from it."""
+
+    base: Array
+    """Where it begins, in World (3,) [m]."""
+    axes: Array
+    """Where the exterior bows out to, and its tangent at the base and at the entrance (2, 3)."""
+    h: float
+    """Distance of the entrance from the base [m]: a straight exterior is so long."""
+
+    def share_of(self, s1: float) -> float:
+        """Return h in shares of a free length [m], below 1.
+
+        Raises `ValueError` where s1 is not above h, as rates along s1 have no bound there.
+        """
+        if not s1 > self.h:
+            raise ValueError(f"free length {s1} m: must be above {self.h} m")
+        return self.h / s1
+
+    def placed(self, found: Array) -> tuple[Array, Array]:
+        """Return points and rates (m, 3) in World of those aside and ahead (2, m, 2) [m]."""
+        return self.base + found[0] @ self.axes, found[1] @ self.axes
+
+
+class Exterior(Protocol):
+    """A curve of free length s1 from the base, with its tangent, to the entrance, with its own."""
+
+    @property
+    def chord(self) -> Chord:
+        """From where to where it goes."""
+        ...
+
+    def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
+
+        Raises `ValueError` for a free length that it cannot have.
+        """
+        ...
+
+
+class Bow(NamedTuple):
+    """The exterior of the paper's example: one period of a cosine of curvature."""
+
+    chord: Chord
+
+    def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
+
+        Raises `ValueError` where s1 is not above h.
+        """
+        points, rates = np.empty((2, len(stations), 3))
+        share, chord = self.chord.share_of(s1), self.chord
+        _place(share, chord.h, stations, chord.base, chord.axes, points, rates)
+        return points, rates
+
+    def along(self, mu: float, stations: Array) -> tuple[Array, Array, float]:
+        """Return points (m, 3) [m], their ∂/∂μ (m, 3) [m], and ds1/dμ [m]: smooth from μ = 0 up."""
+        found = np.empty((2, len(stations), 2))
+        ds1 = bow_at(mu, self.chord.h, stations, found)
+        return *self.chord.placed(found), ds1
+
+
+@compiled(NUMBER, ROW)
+def bessel(x: float, J: Array) -> None:
+    """Write J_n(x) of the orders n = 0, 1, … (k,), by their power series; |x| below about 5."""
+    half, first = 0.5 * x, 1.0
+    for n in range(len(J)):
+        J[n] = 0.0
+        term, k = first, 0
+        while abs(term) > 1e-25 and k < 60:
+            J[n] += term
+            k += 1
+            term *= -half * half / (k * (n + k))
+        first *= half / (n + 1)
+
+
+@compiled(NUMBER)
+def bow_parameter(ratio: float) -> float:
+    """Return μ in (0, 2.405) of J0(μ) = ratio in (0, 1): Newton's method inside a bracket."""
+    low, high, J = 0.0, FIRST_ZERO, np.empty(2)
+    mu = 2.0 * math.sqrt(1.0 - ratio)
+    for _ in range(60):
+        bessel(mu, J)
+        off = J[0] - ratio
+        if off > 0.0:
+            low = mu
+        else:
+            high = mu
+        newer = mu + off / J[1] if J[1] > 0.0 else -1.0
+        if not low < newer < high:
+            newer = 0.5 * (low + high)
+        if abs(newer - mu) < 1e-15:
+            return newer
+        mu = newer
+    return mu
+
+
+@compiled(NUMBER, NUMBER, VECTOR, STACK)
+def bow_at(mu: float, h: float, stations: Array, found: Array) -> float:
+    """Write points, aside and ahead, and their ∂/∂μ (2, m, 2) [m] at arc lengths (m,).
+
+    Return ds1/dμ [m].
+
+    F = ∫ (sin θ, cos θ) dφ has sums over J_n, its ∂/∂μ over J_n' = (J_n−1 − J_n+1) / 2.
+    """
+    J = np.empty(ORDERS + 1)
+    bessel(mu, J)
+    s1 = h / J[0]
+    ds1: float = s1 * J[1] / J[0]
+    per = s1 / (2.0 * math.pi)
+    for m in range(len(stations)):
+        share = stations[m] / s1
+        phi = 2.0 * math.pi * share
+        sine, cosine = math.sin(phi), math.cos(phi)
+        aside, ahead = 0.0, J[0] * phi
+        aside_mu, ahead_mu = 0.0, -J[1] * phi
+        s, c = sine, cosine  # of n φ
+        for n in range(1, ORDERS):
+            slope = J[n - 1] - J[n + 1]
+            if n % 2:
+                aside += 2.0 * J[n] * (1.0 - c) / n
+                aside_mu += slope * (1.0 - c) / n
+            else:
+                ahead += 2.0 * J[n] * s / n
+                ahead_mu += slope * s / n
+            s, c = s * cosine + c * sine, c * cosine - s * sine
+        theta = mu * sine
+        found[0, m, 0], found[0, m, 1] = per * aside, per * ahead
+        # A longer curve is larger, and its points at a given arc length fall back along it.
+        found[1, m, 0] = per * aside_mu + ds1 * (per * aside / s1 - share * math.sin(theta))
+        found[1, m, 1] = per * ahead_mu + ds1 * (per * ahead / s1 - share * math.cos(theta))
+    return ds1
+
+
+@compiled(NUMBER, NUMBER, VECTOR, VECTOR, MATRIX, TABLE, TABLE)
+def _place(
+    share: float,
+    h: float,
+    stations: Array,
+    base: Array,
+    axes: Array,
+    points: Array,
+    rates: Array,
+) -> None:
+    """Write points and their ∂/∂s1 (m, 3) in World of a bow whose chord is a `share` of it."""
+    found = np.empty((2, len(stations), 2))
+    ds1 = bow_at(bow_parameter(share), h, stations, found)
+    for m in range(len(stations)):
+        for k in range(3):
+            points[m, k] = base[k] + (found[0, m, 0] * axes[0, k] + found[0, m, 1] * axes[1, k])
+            rates[m, k] = (found[1, m, 0] * axes[0, k] + found[1, m, 1] * axes[1, k]) / ds1
+
+
+# --- A backbone curve: free from the base to the entrance, and where the tunnels are from there on
+
+
+class Sampled(NamedTuple):
+    """The curve at some arc lengths."""
+
+    points: Array
+    """(m, 3) in World [m]"""
+    rates: Array
+    """∂/∂s1 of the points at given arc lengths (m, 3): tunnels move nothing but along them [1]."""
+
+
+class Curve(NamedTuple):
+    """A curve of fixed length that slides through tunnels as its free length s1 shrinks."""
+
+    exterior: Exterior
+    arcs: Arcs
+    """The curve beyond the entrance: tunnels, and gaps between them."""
+
+    def at(self, s1: float, stations: Array) -> Sampled:
+        """Return the curve of free length s1 [m] at increasing arc lengths (m,) from its base [m].
+
+        Raises `ValueError` where the exterior cannot be that short.
+        """
+        free = int(stations.searchsorted(s1, side="right"))
+        points, rates = np.empty((2, len(stations), 3))
+        points[:free], rates[:free] = self.exterior.at(s1, stations[:free])
+        points[free:], tangents = self.arcs.at(stations[free:] - s1)
+        # Chirikjian & Burdick, eq. 14: the interior's travelling wave slides along itself.
+        np.negative(tangents, out=rates[free:])
+        return Sampled(points, rates)
+
+
+# --- The free part of a backbone as a sum of modes: other shapes than one cosine of curvature -----
+#
+# The attitude is μ f(s / s1), f(σ) = Σ c_m sin 2πmσ. f is odd about the middle: the curve ends
+# straight ahead of the base with the tangent that it began with, as in Chirikjian & Burdick,
+# eq. 19, whose curve is the first mode alone; and h = s1 ∫ cos(μ f) dσ is their eq. 20. With
+# modes 1 and −1/2 the curvature begins and ends with 0, and the joint at the base does not
+# jump. Integrals are Gauss and Legendre's, from station to station.
+
+PANEL = 1.0 / 24.0
+"""An integral's panel is at most so long, in lengths of the free part [1]."""
+NODES = (0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263)
+WEIGHTS = (0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693)
+"""Of Gauss and Legendre's rule with four points, on (0, 1)."""
+
+
+class Modal(NamedTuple):
+    """An exterior whose attitude is a sum of modes."""
+
+    chord: Chord
+    modes: Array
+    """Shares c_m of the modes (k,) [1]."""
+
+    def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
+
+        Raises `ValueError` where s1 is not above h, and where no curve of these modes is so long.
+        """
+        mu = modal_parameter(self.modes, self.chord.share_of(s1))
+        if not mu > 0.0:
+            raise ValueError(f"free length {s1} m: the modes bow out by less than that")
+        return self.chord.placed(modal_at(self.modes, mu, self.chord.h, stations))
+
+
+@compiled(VECTOR, NUMBER)
+def _shape(modes: Array, share: float) -> float:
+    """Return f(σ) at a share of the free length (0 to 1) [1]."""
+    found = 0.0
+    for m in range(len(modes)):
+        found += modes[m] * math.sin(2.0 * math.pi * (m + 1) * share)
+    return found
+
+
+@compiled(VECTOR, NUMBER, NUMBER, NUMBER, ROW)
+def _add(modes: Array, mu: float, begin: float, end: float, sums: Array) -> None:
+    """Add ∫ sin(μf), ∫ cos(μf) and their ∂/∂μ from one share to another to `sums` (4,)."""
+    panels = max(1, math.ceil((end - begin) / PANEL - 1e-9))
+    width = (end - begin) / panels
+    for k in range(panels):
+        for i in range(4):
+            f = _shape(modes, begin + (k + NODES[i]) * width)
+            sine, cosine = math.sin(mu * f), math.cos(mu * f)
+            sums[0] += WEIGHTS[i] * width * sine
+            sums[1] += WEIGHTS[i] * width * cosine
+            sums[2] += WEIGHTS[i] * width * f * cosine
+            sums[3] -= WEIGHTS[i] * width * f * sine
+
+
+@compiled(VECTOR, NUMBER)
+def modal_parameter(modes: Array, ratio: float) -> float:
+    """Return the least μ > 0 of ∫ cos(μf) = ratio in (0, 1); −1 where attitudes would turn by π."""
+    most = 0.0
+    for i in range(201):
+        most = max(most, abs(_shape(modes, 0.005 * i)))
+    low, high = 0.0, math.pi / most
+    sums = np.zeros(4)
+    _add(modes, high, 0.0, 1.0, sums)
+    if sums[1] > ratio:
+        return -1.0
+    mu = 0.5 * high
+    for _ in range(80):
+        sums[:] = 0.0
+        _add(modes, mu, 0.0, 1.0, sums)
+        off = sums[1] - ratio
+        if off > 0.0:
+            low = mu
+        else:
+            high = mu
+        newer = mu - off / sums[3] if sums[3] < 0.0 else -1.0
+        if not low < newer < high:
+            newer = 0.5 * (low + high)
+        if abs(newer - mu) < 1e-15:
+            return newer
+        mu = newer
+    return mu
+
+
+@compiled(VECTOR, NUMBER, NUMBER, VECTOR)
+def modal_at(modes: Array, mu: float, h: float, stations: Array) -> Array:
+    """Return points, aside and ahead, and their ∂/∂s1 (2, m, 2), at increasing arc lengths (m,)."""
+    whole, sums = np.zeros(4), np.zeros(4)
+    _add(modes, mu, 0.0, 1.0, whole)
+    s1 = h / whole[1]
+    ds1 = -s1 * whole[3] / whole[1]
+    found = np.empty((2, len(stations), 2))
+    before = 0.0
+    for m in range(len(stations)):
+        share = stations[m] / s1
+        _add(modes, mu, before, share, sums)
+        before = share
+        angle = mu * _shape(modes, share)
+        found[0, m, 0], found[0, m, 1] = s1 * sums[0], s1 * sums[1]
+        # A longer curve is larger, and its points at a given arc length fall back along it.
+        found[1, m, 0] = sums[0] - share * math.sin(angle) + s1 * sums[2] / ds1
+        found[1, m, 1] = sums[1] - share * math.cos(angle) + s1 * sums[3] / ds1
+    return found
+
+
+# --- The curve of a cell: its exterior, and its tunnels one after the other, with the gaps between
+
+NEAREST = 0.01
+"""The entrance is at least so far from the first joint [m]."""
+STRAIGHT = 1e-3
+"""The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
+
+
+def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
+    """Lay the curve of a cell's arm. Raises `ConfigError` for what the arm cannot follow."""
+    where = f"{cell.path}: mechanism.backbone"
+    T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
+    ahead = T.p - chain.base
+    h = float(np.linalg.norm(ahead))
+    if h < NEAREST:
+        raise ConfigError(
+            f"{where}.entrance: {h:.4f} m from the first joint: must be at least {NEAREST:g}"
+        )
+    straight = chain.points(np.zeros((1, chain.n)))[0]
+    out = straight[-1] - straight[0]
+    aside = max(
+        float(np.linalg.norm(ahead / h - T.R[:, 0])),
+        float(np.linalg.norm(out / np.linalg.norm(out) - T.R[:, 0])),
+    )
+    if aside > STRAIGHT:
+        raise ConfigError(
+            f"{where}.entrance: must lie straight ahead of the first joint, along x: "
+            f"{aside:.4f} rad off"
+        )
+    if section.least < 1.02 * h:
+        raise ConfigError(
+            f"{where}.least: value {section.least:g}: must be at least 1.02 times the way to "
+            f"the entrance, {h:.4f} m: joints' speeds have no bound there"
+        )
+    if section.start > chain.length:
+        raise ConfigError(
+            f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
+        )
+    arcs = _arcs(T, section, chain, _range(cell), where)
+    chord = Chord(chain.base, np.stack((T.R @ _bow(section), T.R[:, 0])), h)
+    if section.exterior == "modal":
+        return Curve(Modal(chord, np.array(section.modes)), arcs)
+    return Curve(Bow(chord), arcs)
+
+
+def centre_line(section: BackboneSection, step_m: float) -> list[list[Pose]]:
+    """Return frames along what has walls, at most so far apart: a row for each without a gap.
+
+    Their x is the tangent, y is to the left; in World.
+    """
+    T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
+    rows = [[T]]
+    for piece in section.tunnel:
+        if piece.open:
+            break
+        if piece.to is not None:
+            T = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
+            rows.append([T])
+            continue
+        count = math.ceil(piece.length / step_m)
+        turn = np.array([0.0, -piece.climb, piece.bend]) / count
+        angle = float(np.linalg.norm(turn))
+        shorter = math.sin(0.5 * angle) / (0.5 * angle) if angle else 1.0
+        half, whole = rotation_exp(0.5 * turn), rotation_exp(turn)
+        for _ in range(count):
+            # The chord of an arc points along the tangent in its middle.
+            T = Pose(T.R @ whole, T.p + piece.length / count * shorter * (T.R @ half)[:, 0])
+            rows[-1].append(T)
+    return rows
+
+
+def _range(cell: Cell) -> float:
+    """Return what every joint can turn either way [rad]."""
+    low, high = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
+    return min(*(abs(x) for x in low), *(abs(x) for x in high))
+
+
+def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: str) -> Arcs:
+    """Return the pieces of a tunnel one after the other, with the curves across its gaps.
+
+    Raises `ConfigError` for a gap that no curve crosses whose joints turn less than `most` [rad].
+    """
+    links = np.diff(chain.stations, prepend=0.0)
+    per_joint = float(links.max()) * (1.0 if section.axes == "planar" else 2.0)
+    pieces: list[Arcs] = []
+    for i, piece in enumerate(section.tunnel):
+        turns = [Turn(piece.length, piece.bend, piece.climb)]
+        if piece.to is not None:
+            to = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
+            try:
+                planar, sharpest = section.axes == "planar", most / per_joint
+                turns = solve_gap(T, to, piece.length, planar, sharpest)
+            except ValueError as error:
+                raise ConfigError(f"{where}.tunnel[{i}].to: {error}") from None
+        pieces.append(Arcs.from_entrance(T, turns))
+        T = pieces[-1].end if piece.to is None else to
+    return Arcs.of_all(pieces)
+
+
+def _bow(section: BackboneSection) -> Array:
+    """Return where the exterior bows out to (3,), in the entrance's frame."""
+    angle = section.bow
+    if angle is None:
+        bend, climb = next(((s.bend, s.climb) for s in section.tunnel if s.bend or s.climb), (1, 0))
+        angle = float(np.arctan2(-climb, -bend))
+        if section.axes != "planar":
+            angle += np.pi / 4
+    return np.array([0.0, np.cos(angle), np.sin(angle)])

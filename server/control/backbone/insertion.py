@@ -1,0 +1,527 @@
+"""A hyper-redundant arm in its tunnels: how far it is in, and the joint rates that take it on."""
+
+import math
+from functools import partial
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....config.schema.mechanism import BackboneSection
+from ..mechanism.joint_rates import Around, JointRates, Resolver, Wish
+from ..mechanism.model import Kinematics
+from ..mechanism.redundancy import Redundancy
+from ..scene import Flags
+from ..spatial import Array
+from ..stop.limiter import Judge
+from ..stop.profile import Stop
+from .curve import Curve, curve_of
+from .fit import Chain, farthest_apart
+from .tunnels import links_off_centre
+
+# --- A hyper-redundant arm in its tunnels: how far it is in, and the joint rates that take it on
+#
+# The free length s1 goes with the joints, as they were allowed to move: it is where the
+# commanded posture is along the curve's family of fits. So limits slow an insertion without
+# bending it, and nothing winds up. Joint rates are the fit's own along s1, and feedback towards
+# the fit of now:
+#
+#     dq = ∂q/∂s1 ds1 + 5 (fit(s1) − q)
+#
+# Joints beyond the exit are free: an ordinary arm while nothing is inserted or withdrawn.
+
+FEEDBACK = 5.0
+"""Gain towards the fit of now [1/s]."""
+ENDS = 4.0
+"""Approach to the least and the greatest free length [1/s]."""
+GRID = 0.005
+"""Fits are computed ahead at free lengths that are so much apart [m]."""
+FITS = 0.005
+"""A posture is the curve's when no point is farther off it [m]."""
+LOST = 0.03
+"""One that was the curve's is no more beyond this [m]."""
+TAIL_OFF = (0.02, 0.07)
+"""A tail that is farther off its curve slows an insertion, and holds it up altogether [rad]."""
+ARRIVED = 5e-4
+"""A depth is reached within this [m]."""
+ASIDE = 0.2
+"""The head may push aside with this part of `most_push` before an insertion gives way [1]."""
+LAGGING = (0.65, 0.9)
+"""Measured links that take so much of their room slow what leads them on, and hold it up [1]."""
+STOOD, ASKED, STANDS_S = 1.5e-3, 5e-3, 0.03
+"""A joint is locked that moved by less than the first [rad], while its command moved by the second
+and is as far from it [rad], for the third [s].
+
+One that follows is at most 2 mrad behind, so one that turns round stands, but is near its command.
+A drive that missed one setpoint stands for a period."""
+ROUND_LOCKED = 3
+"""Steps of the fit with locked joints, a tick [1]."""
+INSIDE = 25.0
+"""Weight of points inside, over those outside, where joints are locked [1]."""
+SLOPE_BY = 0.002
+"""Half the way over which such a fit's slope is taken [m]."""
+WINDOW = 1.5
+"""A point is looked for in the tunnel this many half widths from where it should be [1]."""
+
+
+class DriveRequest(NamedTuple):
+    """How the operator drives the arm as a whole: into its tunnels, or on its wheels."""
+
+    speed: float = 0.0
+    """Of the insertion [m/s]; at most, where it is to a depth. Of a base, ahead."""
+    depth: float | None = None
+    """The tip's way from the entrance to go to [m]; None: at the speed."""
+    turn: float = 0.0
+    """Of a base [rad/s]."""
+    back_only: bool = False
+    """Something in the tunnel pushes the arm: it may withdraw, and do nothing else."""
+
+
+STILL = DriveRequest()
+
+
+class Following(NamedTuple):
+    """Which joints follow their commands: what both were when each joint moved last."""
+
+    commanded: Array
+    """(n,) [rad]"""
+    measured: Array
+    """(n,) [rad]"""
+    locked: Array
+    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
+    stood: Array
+    """How long each has stood (n,) that was asked to move [s]."""
+
+
+class Insertion(NamedTuple):
+    """Where along its curve an arm is."""
+
+    s1: float
+    """Free length, base to entrance [m]."""
+    q: Array
+    """The fit there (n,) [rad]."""
+    rates: Array
+    """∂q/∂s1 of the fit (n,) [rad/m]."""
+    speed: float
+    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
+    beyond: int
+    """The first joint that is beyond the exit; n for none."""
+    following: Following | None = None
+    """None before the joints were looked at."""
+
+    @property
+    def locked(self) -> Array | None:
+        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
+        known = self.following
+        return None if known is None or np.isnan(known.locked).all() else known.locked
+
+
+class Backbone:
+    """The curve of one arm, and how its joints follow."""
+
+    def __init__(
+        self, chain: Chain, curve: Curve, section: BackboneSection, period_s: float, where: str = ""
+    ) -> None:
+        """Build it; fits are computed at all free lengths.
+
+        Raises `ConfigError`, which begins with `where`, for what no joints of this chain follow.
+        """
+        self.chain, self.curve, self.section = chain, curve, section
+        self._period_s = period_s
+        self.exit = sum(piece.length for piece in section.tunnel if not piece.open)
+        """Depth of the exit [m]."""
+        self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
+        self._stations = np.concatenate(([0.0], chain.stations))
+        self._origins = self._stations[:-1]
+        self._levers = (chain.length - self._origins) ** 2
+        self._last = int(np.flatnonzero(chain.links.counts)[-1])
+        # Scratch: the joints that were looked at last, and their points.
+        self._placed: tuple[Array, Array] | None = None
+        self.most = min(chain.length, curve.exterior.chord.h + curve.arcs.length + chain.length)
+        count = max(2, round((self.most - section.least) / GRID))
+        self.lengths = np.linspace(section.least, self.most, count + 1)
+        """Free lengths (g,) at which fits were computed ahead [m]."""
+        self.fits, self.slopes = self._all_fits(where)
+        """Joints (g, n) [rad] at these, and ∂q/∂s1 (g, n)."""
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self | None:
+        """Build that of a cell's mechanism, None where it is a plain arm. Raises `ConfigError`."""
+        section = cell.config.mechanism.backbone
+        if section is None:
+            return None
+        chain = Chain.from_cell(cell)
+        curve = curve_of(cell, section, chain)
+        where = f"{cell.path}: mechanism.backbone"
+        return cls(chain, curve, section, cell.config.timing.period_s, where)
+
+    def _all_fits(self, where: str) -> tuple[Array, Array]:
+        fits: list[Array] = []
+        q = None
+        for s1 in self.lengths[::-1]:
+            try:
+                sampled = self.curve.at(float(s1), self.chain.stations)
+                found = self.chain.settled(
+                    self.chain.guess(sampled.points) if q is None else q, *sampled
+                )
+            except ValueError as error:
+                raise ConfigError(f"{where}.tunnel: free length {s1:.3f} m: {error}") from None
+            q = found.q
+            fits.append(found.q)
+        fits.reverse()
+        return np.array(fits), np.gradient(np.array(fits), self.lengths, axis=0)
+
+    # --- where the arm is ----------------------------------------------------------------------
+
+    def fitted(self, s1: float, near: Array, locked: Array | None = None) -> tuple[Array, Array]:
+        """Return the joints (n,) that follow the curve of a free length [m], and ∂q/∂s1 (n,).
+
+        One step from joints `near` by. The slope is that of the fits computed ahead: the step's own
+        leaves out what the curve's bend does to the distances that remain. Where joints are
+        `locked` at angles (n,), the others bend around them.
+        """
+        if locked is not None:
+            return self._round_locked(s1, near, locked)
+        found = self.chain.fitted(near, *self.curve.at(s1, self.chain.stations), 1)
+        place = (s1 - self.lengths[0]) / (self.lengths[1] - self.lengths[0])
+        i = min(len(self.lengths) - 2, max(0, int(place)))
+        part = place - i
+        return found.q, (1.0 - part) * self.slopes[i] + part * self.slopes[i + 1]
+
+    def _round_locked(self, s1: float, near: Array, locked: Array) -> tuple[Array, Array]:
+        free = np.isnan(locked)
+        least = max(self.section.least, s1 - SLOPE_BY)
+        most = min(self.most, s1 + SLOPE_BY)
+        q = self._bent(s1, np.where(free, near, locked), free)
+        slope = (self._bent(most, q, free) - self._bent(least, q, free)) / (most - least)
+        return q, slope
+
+    def _bent(self, s1: float, near: Array, free: Flags) -> Array:
+        """Return joints (n,) that follow the curve as well as those that are `free` can."""
+        stations = self.chain.stations
+        # Where walls are, the arm has least room to be off.
+        weights = np.where(stations > s1, INSIDE, 1.0)
+        sampled = self.curve.at(s1, stations)
+        return self.chain.fitted(near, *sampled, ROUND_LOCKED, weights, free).q
+
+    def watched(self, before: Following | None, q: Array, measured: Array) -> Following:
+        """Return which joints follow, that were commanded at q (n,) and measured (n,) [rad]."""
+        if before is None:
+            return Following(q, measured, np.full(len(q), np.nan), np.zeros(len(q)))
+        moved = np.abs(measured - before.measured) > STOOD
+        asked = np.minimum(np.abs(q - before.commanded), np.abs(q - measured)) > ASKED
+        stood = np.where(asked & ~moved, before.stood + self._period_s, 0.0)
+        if not (moved.any() or stood.any() or before.stood.any()):
+            return before
+        locks = (stood > STANDS_S - 0.5 * self._period_s) & np.isnan(before.locked)
+        return Following(
+            np.where(moved, q, before.commanded),
+            np.where(moved, measured, before.measured),
+            np.where(locks, measured, before.locked),
+            stood,
+        )
+
+    def beyond(self, s1: float) -> int:
+        """Return the first joint that is beyond the exit at a free length [m]; n for none."""
+        clear = s1 + self.exit + self.section.link_radius
+        return int(self._origins.searchsorted(clear, side="right"))
+
+    def located(self, q: Array) -> Insertion | None:
+        """Return where joints q (n,) are along the curve; None where they do not follow it."""
+        off = np.abs(self.fits - q)
+        inside = self._origins <= (self.lengths + self.exit + self.section.link_radius)[:, None]
+        i = int(np.where(inside, off, 0.0).max(axis=1).argmin())
+        s1, fit, slope = float(self.lengths[i]), self.fits[i], self.slopes[i]
+        for _ in range(3):
+            found = Insertion(s1, fit, slope, 0.0, self.beyond(s1))
+            s1 = self._along(found, q)
+            fit, slope = self.fitted(s1, fit + slope * (s1 - found.s1))
+        found = Insertion(s1, fit, slope, 0.0, self.beyond(s1))
+        return found if self._off(found, q) < FITS else None
+
+    def followed(
+        self,
+        insertion: Insertion | None,
+        q: Array,
+        following: tuple[Array, Array] | None = None,
+    ) -> Insertion | None:
+        """Return where joints q (n,) have come to; None once they left the curve.
+
+        `following` are the joints (n,) as commanded and as measured at one instant [rad].
+        """
+        if insertion is None:
+            return self.located(q)
+        s1, locked = self._along(insertion, q), insertion.locked
+        if s1 != insertion.s1 or locked is not None:
+            near = insertion.q + insertion.rates * (s1 - insertion.s1)
+            fit, slope = self.fitted(s1, near, locked)
+            insertion = insertion._replace(s1=s1, q=fit, rates=slope, beyond=self.beyond(s1))
+        if following is not None:
+            insertion = insertion._replace(following=self.watched(insertion.following, *following))
+        return insertion if self._off(insertion, q) < LOST else None
+
+    def _along(self, insertion: Insertion, q: Array) -> float:
+        """Return the free length nearest to joints q (n,), by the fit's slope of now."""
+        last = insertion.beyond
+        slope = insertion.rates[:last]
+        by = float(slope @ (q[:last] - insertion.q[:last])) / float(slope @ slope)
+        s1 = insertion.s1 + min(GRID, max(-GRID, by))
+        return min(self.most, max(self.section.least, s1))
+
+    def _off(self, insertion: Insertion, q: Array) -> float:
+        """Return how far the farthest point that is not free is from where the fit has it [m]."""
+        (fit,) = self.chain.points(insertion.q[None])
+        return farthest_apart(self._points(q), fit, insertion.beyond + 1)
+
+    def _points(self, q: Array) -> Array:
+        """Return all points (n + 1, 3) in World at joints q (n,), those of the last ones again."""
+        if self._placed is None or self._placed[0] is not q:
+            self._placed = q, self.chain.points(q[None])[0]
+        return self._placed[1]
+
+    # --- where it is to go ---------------------------------------------------------------------
+
+    def ramped(self, insertion: Insertion, drive: DriveRequest, factor: float) -> Insertion:
+        """Return the insertion with the operator's speed one period later; `factor` scales it."""
+        bound, speed = self.section.acceleration * self._period_s, drive.speed
+        if drive.depth is not None:
+            way = ENDS * (drive.depth - self.depth(insertion))
+            speed = max(-speed, min(speed, way))
+        back_only = drive.back_only or insertion.locked is not None
+        most = 0.0 if back_only else self.section.speed
+        speed = factor * max(-self.section.speed, min(most, speed))
+        step = min(bound, max(-bound, speed - insertion.speed))
+        speed = insertion.speed + step
+        return insertion._replace(speed=speed)
+
+    def gives_way(self, speed: float, push: Array, head: Array) -> float:
+        """Return what share (0 to 1) of an insertion's speed is left, with the head pushing [N].
+
+        `push` (3,) is what it pushes with and `head` (3,) its direction, in World. Ahead, or back
+        where it is withdrawn; ahead it gives way to what it meets aside, too.
+        """
+        most, along = self.section.most_push, float(push @ head)
+        share = 1.0 - (along if speed > 0.0 else -along) / most
+        if speed > 0.0:
+            aside = math.sqrt(max(0.0, float(push @ push) - along * along))
+            share = min(share, (1.0 - aside / most) / (1.0 - ASIDE))
+        return min(1.0, max(0.0, share))
+
+    def kept_off(self, insertion: Insertion, q: Array, error: Array, dq: Array) -> float:
+        """Return what share (0 to 1) of joint rates dq (n,) keeps links off the walls.
+
+        At joints q (n,) that are `error` (n,) ahead of the measured ones [rad]. A joint that does
+        not follow takes what is outboard off the curve; what leads back to it is free.
+        """
+        if float((self._levers * error) @ dq) <= 0.0:
+            return 1.0
+        off = self.off_centre(self.chain.points((q - error)[None]), insertion.s1)
+        low, high = LAGGING
+        return min(1.0, max(0.0, (high - off / self.room) / (high - low)))
+
+    def depth(self, insertion: Insertion) -> float:
+        """Return the tip's way from the entrance [m]."""
+        return self.chain.length - insertion.s1
+
+    def arrived(self, insertion: Insertion, drive: DriveRequest) -> bool:
+        """Return whether the arm is at the depth that it was driven to."""
+        return drive.depth is not None and abs(drive.depth - self.depth(insertion)) < ARRIVED
+
+    def rates(self, insertion: Insertion, q: Array, forward: float) -> tuple[Array, float]:
+        """Return joint rates (n,) at q (n,) that insert at `forward` [m/s], and what is left of it.
+
+        It ends at the least and the greatest free length, and waits for a tail that is off.
+        """
+        s1, section = insertion.s1, self.section
+        speed = min(section.speed, forward, ENDS * (s1 - section.least))
+        speed = max(-section.speed, speed, -ENDS * (self.most - s1))
+        error = insertion.q - q
+        tail = error[insertion.beyond :]
+        if len(tail):
+            low, high = TAIL_OFF
+            speed *= min(1.0, max(0.0, (high - float(np.abs(tail).max())) / (high - low)))
+        return FEEDBACK * error - speed * insertion.rates, speed
+
+    def head(self, q: Array) -> Array:
+        """Return the direction of the last link (3,) in World at q (n,)."""
+        points = self._points(q)
+        way = points[-1] - points[self._last]
+        return np.asarray(way / math.sqrt(float(way.dot(way))))
+
+    # --- walls ---------------------------------------------------------------------------------
+
+    def off_centre(self, points: Array, s1: float) -> float:
+        """Return how far links are off the tunnel's centre line at most [m].
+
+        Of link ends and middles that are inside, with a free length about s1 [m], of postures whose
+        points are (s, n + 1, 3) in World.
+        """
+        depths, window = self._stations - s1, WINDOW * self.section.half_width
+        return links_off_centre(self.curve.arcs[:], points, depths, window, self._upto)
+
+    def beyond_wall(self, insertion: Insertion | None, q: Array) -> float:
+        """Return how far links at joints q (n,) stand beyond the walls [m]; 0 for not.
+
+        Off the curve, as at the free length whose fit is nearest.
+        """
+        if insertion is None:
+            s1 = float(self.lengths[int(np.abs(self.fits - q).max(axis=1).argmin())])
+        else:
+            s1 = insertion.s1
+        to_wall = self.section.half_width - self.section.link_radius
+        return max(0.0, self.off_centre(self.chain.points(q[None]), s1) - to_wall)
+
+    @property
+    def room(self) -> float:
+        """How far links may be off the centre line [m]."""
+        return self.section.half_width - self.section.link_radius - self.section.clearance
+
+
+# --- An arm whose joints follow a curve through tunnels: a twist inserts it, or moves its tail ----
+#
+# Inside, the summed twist acts along the head's tangent, as an insertion speed. Beyond the exit
+# an arm of enough free joints answers the whole twist by itself, while the joints inside stand;
+# a drive's command inserts or withdraws it as a curve again, and its tail returns to the curve
+# first.
+
+STANDS = 1e-6
+"""An insertion that is slower stands [m/s]."""
+ARRIVED_SPEED = 2e-3
+"""At its depth, an arm that is still this fast is not there yet [m/s]."""
+SLOWED = 0.99
+"""An insertion that gets less than this part of its asked speed is told as slowed [1]."""
+LOOK_S = 0.025
+"""Stops are looked at so often along the way [s]."""
+WORSE = 1e-4
+"""A stop may be off the tunnel's centre line by so much more than the arm is now [m]."""
+
+
+class Slid(NamedTuple):
+    """Joint rates of an arm on its curve."""
+
+    found: JointRates
+    insertion: Insertion | None
+    together: bool
+    """The joints follow the curve, and none makes up for another."""
+    limits: tuple[str, ...]
+
+
+class Slither:
+    """Turns a twist of the tool into the joint rates of one arm with a backbone."""
+
+    def __init__(
+        self,
+        backbone: Backbone,
+        resolver: Resolver,
+        redundancy: Redundancy,
+        rank: int,
+        names: tuple[str, ...],
+    ) -> None:
+        self.backbone, self._names = backbone, names
+        self._resolver, self._redundancy, self._rank = resolver, redundancy, rank
+
+    def rates(
+        self,
+        q: Array,
+        k: Kinematics,
+        wish: Wish,
+        around: Around,
+        before: Insertion | None,
+        drive: DriveRequest,
+        moving: bool,
+        following: tuple[Array, Array] | None,
+    ) -> Slid:
+        """Return joint rates at the commanded posture q (n,), whose kinematics are `k`.
+
+        `before` is where the arm was a tick ago; `drive` is the operator's,
+        of an arm that is `moving`, and does not only give way. `following` are the joints (n,)
+        as commanded and as measured at one instant [rad]. One with a joint that is locked may
+        withdraw, and nothing else.
+        """
+        insertion = self.backbone.followed(before, q, following)
+        if insertion is None:
+            return Slid(self._none(np.zeros(len(q))), None, True, ("off_backbone",))
+        if moving:
+            insertion = self.backbone.ramped(insertion, drive, wish.speed_factor)
+        else:
+            insertion = insertion._replace(speed=0.0)
+        free, locked = len(q) - insertion.beyond, insertion.locked
+        back_only = drive.back_only or locked is not None
+        driven = abs(insertion.speed) > STANDS or drive.speed != 0.0
+        if self.backbone.arrived(insertion, drive):
+            driven = abs(insertion.speed) > ARRIVED_SPEED
+        if free > self._rank and not driven and not back_only:
+            return self._tail(q, k, wish, around, insertion)
+        head = self.backbone.head(q)
+        twist = float(head @ wish.twist[:3]) if free <= self._rank else 0.0
+        share = 1.0
+        if around.wrench is not None:
+            push = k.T_world_mrf.R @ around.wrench[:3]
+            share = self.backbone.gives_way(insertion.speed, push, head)
+        forward, granted = twist + insertion.speed, twist + share * insertion.speed
+        if back_only:
+            granted = min(0.0, granted)
+        dq, speed = self.backbone.rates(insertion, q, granted)
+        if not wish.spare and abs(speed) < STANDS:
+            dq = np.zeros(len(q))
+        slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS
+        limits: tuple[str, ...] = ("insertion_speed",) if slowed else ()
+        if locked is not None:
+            limits += tuple(f"locked:{self._names[i]}" for i in np.flatnonzero(~np.isnan(locked)))
+        return Slid(self._none(dq), insertion, True, limits)
+
+    def off_walls(self, insertion: Insertion | None, q: Array, error: Array, dq: Array) -> float:
+        """Return what share (0 to 1) of joint rates dq (n,) keeps the measured links off walls.
+
+        At joints q (n,) that are `error` (n,) ahead of the measured ones [rad].
+        """
+        return 1.0 if insertion is None else self.backbone.kept_off(insertion, q, error, dq)
+
+    def at_rest(self, q: Array) -> Slid:
+        """Return what an arm does whose drives are off, at joints q (n,)."""
+        return Slid(self._none(np.zeros(len(q))), None, True, ())
+
+    def _tail(
+        self, q: Array, k: Kinematics, wish: Wish, around: Around, insertion: Insertion
+    ) -> Slid:
+        """Return the rates of what is beyond the exit; the joints inside stand."""
+        J = k.J.copy()
+        J[:, : insertion.beyond] = 0.0
+        found = self._resolver.rates(q, k._replace(J=J), wish, around)
+        dq = found.dq.copy()
+        dq[: insertion.beyond] = 0.0
+        return Slid(found._replace(dq=dq), insertion._replace(speed=0.0), False, ())
+
+    def _none(self, dq: Array) -> JointRates:
+        return JointRates(dq, self._redundancy.none(), math.nan, False, None, None)
+
+    def judge(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
+        """Return what judges stops of an arm that is on its curve, `error` (n,) ahead [rad]."""
+        if insertion is None:
+            return None
+        return partial(self.shortfall, insertion, q, error)
+
+    # --- the promise along a stop --------------------------------------------------------------
+
+    def shortfall(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
+        """Return by how much a stop brings links too near to the walls [m]; 0 for not.
+
+        From joints q (n,) that are `error` (n,) ahead of the measured ones [rad].
+        """
+        times = _looks(stop.to_go_s)
+        postures = np.empty((2 + len(times), len(q)))
+        postures[0], postures[1], postures[2:] = q, q - error, stop.postures(times)
+        backbone, s1 = self.backbone, insertion.s1
+        points = backbone.chain.points(postures)
+        lag = farthest_apart(points[0], points[1], len(q) + 1)
+        bound = max(backbone.room - lag, backbone.off_centre(points[:1], s1) + WORSE)
+        return max(0.0, backbone.off_centre(points[2:], s1) - bound)
+
+
+def _looks(to_go_s: float) -> Array:
+    """Return the instants (s,) at which a stop is looked at, now and at its end among them [s]."""
+    count = max(1, math.ceil(to_go_s / LOOK_S))
+    times = np.arange(count + 1, dtype=np.float64) * (to_go_s / count)
+    times[-1] = to_go_s
+    return times

@@ -1,0 +1,442 @@
+"""The part of a backbone inside tunnels: arcs and straights, and curves across the gaps between."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, TABLE, VECTOR, compiled, record
+from ..scene import Index
+from ..spatial import Array, Pose, rotation_exp
+
+# --- The part of a backbone inside tunnels: circular arcs and straights, one after the other ------
+#
+# Inside, the curve is where the tunnel is: its curvature is a travelling wave κ(s − s1)
+# (Chirikjian & Burdick, eqs. 7 and 15). A segment turns about an axis that is fixed in its own
+# frame, whose x axis is the tangent: `bend` about z (to the left), `climb` about −y (upward).
+# There is no chart, so that a tunnel may climb straight up, where the paper's quasi-torsion is
+# singular (T = ±π/2).
+
+ARC_ARRAYS = record(VECTOR, ARRAY3, VECTOR)
+"""`Arcs` as kernels take it."""
+
+
+class Turn(NamedTuple):
+    """One segment of a tunnel: how long it is, and how far it turns."""
+
+    length: float
+    """[m]"""
+    bend: float = 0.0
+    """To the left, about the segment's own z [rad]."""
+    climb: float = 0.0
+    """Upward, about its own −y [rad]."""
+
+
+class Arcs(NamedTuple):
+    """k arcs one after the other, in World; a straight line goes on from the last."""
+
+    starts: Array
+    """Arc length from the entrance to each, and to the end of the last (k + 1,) [m]."""
+    frames: Array
+    """Of each, and of the line after the last: start, tangent there, and where it turns to
+    (k + 1, 3, 3): rows."""
+    curvature: Array
+    """(k + 1,), 0 of a straight [1/m]."""
+
+    @classmethod
+    def from_entrance(cls, T_world_entrance: Pose, turns: Sequence[Turn]) -> Self:
+        """Lay segments one after the other from the entrance on."""
+        T = T_world_entrance
+        starts, frames, curvature = [0.0], [], []
+        for length, bend, climb in turns:
+            angle = math.hypot(bend, climb)
+            inward = np.array([0.0, bend, climb]) / angle if angle else np.array([0.0, 1.0, 0.0])
+            frames.append(np.stack((T.p, T.R[:, 0], T.R @ inward)))
+            curvature.append(angle / length)
+            starts.append(starts[-1] + length)
+            way = _point(length, curvature[-1])
+            p = T.p + way[0] * T.R[:, 0] + way[1] * (T.R @ inward)
+            T = Pose(T.R @ rotation_exp(np.array([0.0, -climb, bend])), p)
+        frames.append(np.stack((T.p, T.R[:, 0], T.R[:, 1])))
+        return cls(np.array(starts), np.array(frames), np.array([*curvature, 0.0]))
+
+    @classmethod
+    def of_all(cls, each: "Sequence[Arcs]") -> Self:
+        """Return arcs that begin where those before end."""
+        ends = np.cumsum([arcs.length for arcs in each])
+        begins = np.concatenate(([0.0], ends[:-1]))
+        starts = [arcs.starts[:-1] + s for arcs, s in zip(each, begins, strict=True)]
+        return cls(
+            np.concatenate((*starts, ends[-1:])),
+            np.concatenate((*(arcs.frames[:-1] for arcs in each), each[-1].frames[-1:])),
+            np.concatenate((*(arcs.curvature[:-1] for arcs in each), [0.0])),
+        )
+
+    @property
+    def end(self) -> Pose:
+        """Where the last arc ends: x along the tangent, y to where a bend to the left turns."""
+        p, x, y = self.frames[-1]
+        return Pose(np.column_stack((x, y, np.cross(x, y))), p)
+
+    @property
+    def length(self) -> float:
+        """Of all arcs together [m]."""
+        return float(self.starts[-1])
+
+    def at(self, depths: Array) -> tuple[Array, Array]:
+        """Return points (m, 3) [m] and tangents (m, 3) at arc lengths (m,) from the entrance [m].
+
+        Before it and after the last arc the curve is straight.
+        """
+        points, tangents = np.empty((len(depths), 3)), np.empty((len(depths), 3))
+        _at(self[:], depths, points, tangents)
+        return points, tangents
+
+
+def _point(length: float, curvature: float) -> tuple[float, float]:
+    """Return how far an arc goes along its first tangent, and aside [m]."""
+    if abs(curvature * length) < 1e-9:
+        return length, 0.5 * curvature * length * length
+    angle = curvature * length
+    return math.sin(angle) / curvature, (1.0 - math.cos(angle)) / curvature
+
+
+@compiled(ARC_ARRAYS, VECTOR, TABLE, TABLE)
+def _at(arcs: tuple[Array, Array, Array], depths: Array, points: Array, tangents: Array) -> None:
+    """Write points and tangents (m, 3) at arc lengths (m,) from the entrance [m]."""
+    starts, frames, curvature = arcs
+    last = len(curvature) - 1
+    for m in range(len(depths)):
+        k = 0
+        while k < last and depths[m] >= starts[k + 1]:
+            k += 1
+        way, c = depths[m] - starts[k], curvature[k]
+        if depths[m] < 0.0:
+            c = 0.0
+        along, aside, cosine, sine = way, 0.0, 1.0, 0.0
+        if c * way > 1e-9:
+            cosine, sine = math.cos(c * way), math.sin(c * way)
+            along, aside = sine / c, (1.0 - cosine) / c
+        for i in range(3):
+            t, n = frames[k, 1, i], frames[k, 2, i]
+            points[m, i] = frames[k, 0, i] + along * t + aside * n
+            tangents[m, i] = cosine * t + sine * n
+
+
+@compiled(ARC_ARRAYS, NUMBER, NUMBER, VECTOR)
+def _foot(
+    arcs: tuple[Array, Array, Array], low: float, high: float, point: Array
+) -> tuple[float, float]:
+    """Return the least distance of a point (3,) to the curve between two arc lengths, and where.
+
+    All in [m]. Arc by arc: the foot on a circle is under the point, at an end where it is off it.
+    """
+    starts, frames, curvature = arcs
+    least, where = math.inf, low
+    last = len(curvature) - 1
+    for k in range(last + 1):
+        begin = -math.inf if k == 0 else starts[k]
+        begin, end = max(low, begin), high if k == last else min(high, starts[k + 1])
+        if begin > end:
+            continue
+        x = y = square = 0.0
+        for i in range(3):
+            d = point[i] - frames[k, 0, i]
+            x += d * frames[k, 1, i]
+            y += d * frames[k, 2, i]
+            square += d * d
+        c = curvature[k]
+        if c > 0.0:
+            angle = math.atan2(c * x, 1.0 - c * y)
+            middle = 0.5 * c * (begin + end - 2.0 * starts[k])
+            angle -= 2.0 * math.pi * math.floor((angle - middle) / (2.0 * math.pi) + 0.5)
+            way = starts[k] + angle / c
+        else:
+            way = starts[k] + x
+        way = min(max(way, begin), end)
+        along, aside = way - starts[k], 0.0
+        if c * along > 1e-9:
+            along, aside = math.sin(c * along) / c, (1.0 - math.cos(c * along)) / c
+        off = math.sqrt(max(0.0, square - x * x - y * y + (x - along) ** 2 + (y - aside) ** 2))
+        if off < least:
+            least, where = off, way
+    return least, where
+
+
+@compiled(ARC_ARRAYS, MATRIX, VECTOR, NUMBER, INDEX)
+def off_centre(
+    arcs: tuple[Array, Array, Array],
+    points: Array,
+    depths: Array,
+    window: float,
+    upto: Index,
+) -> tuple[float, int]:
+    """Return how far the farthest of points (m, 3) is off the tunnel's centre line [m], and which.
+
+    A point is looked for within `window` of where it ought to be, its arc length from the entrance
+    (m,): another passage of the same tunnel may run beside it. Points before the entrance, or
+    beyond the end of arc `upto` (1,), are in the open, and do not count; −1 where none does.
+    """
+    starts = arcs[0]
+    most, which = 0.0, -1
+    for m in range(len(points)):
+        low, high = depths[m] - window, depths[m] + window
+        if high < 0.0 or low > starts[upto[0]]:
+            continue
+        off, where = _foot(arcs, low, high, points[m])
+        if 0.0 <= where <= starts[upto[0]] and off > most:
+            most, which = off, m
+    return most, which
+
+
+@compiled(ARC_ARRAYS, ARRAY3, VECTOR, NUMBER, INDEX)
+def links_off_centre(
+    arcs: tuple[Array, Array, Array],
+    points: Array,
+    depths: Array,
+    window: float,
+    upto: Index,
+) -> float:
+    """Return how far links' ends and middles are off the centre line at most [m], as `off_centre`.
+
+    Of postures whose points are (s, n + 1, 3), the arc lengths of which are `depths` (n + 1,).
+    """
+    n = len(depths)
+    both, at = np.empty((2 * n - 1, 3)), np.empty(2 * n - 1)
+    for i in range(n):
+        at[i] = depths[i]
+        if i > 0:
+            at[n + i - 1] = 0.5 * (depths[i - 1] + depths[i])
+    most = 0.0
+    for s in range(len(points)):
+        for i in range(n):
+            for k in range(3):
+                both[i, k] = points[s, i, k]
+                if i > 0:
+                    both[n + i - 1, k] = 0.5 * (points[s, i - 1, k] + points[s, i, k])
+        most = max(most, off_centre(arcs, both, at, window, upto)[0])
+    return most
+
+
+# --- Curves across gaps between two tunnels, solved once: fixed ends, fixed length, least bending
+#
+# Where everything slides at one speed, the conditions between tunnels (Chirikjian & Burdick,
+# eqs. 8, 9, 16 and 17) hold for any fixed curve, and so do their rates (eqs. 10 to 13): the
+# slack lives in the exterior at the base alone. Bend and climb are polynomials along the gap,
+#
+#     κ ℓ = Σ c_k P_k(2t − 1), k = 0 … 4 (Legendre),   least Σ c_k² / (2k + 1)
+#
+# subject to end and end tangent, by Newton's method on the Lagrangian from several starts.
+# Where that curve is too sharp somewhere, its greatest curvature is brought down along the
+# curves that meet both ends. A curve is made of short arcs, by which the ends are met exactly.
+
+ARCS = 24
+"""Arcs of one gap [1]."""
+DEGREE = 4
+STARTS = 8
+"""Curves are sought from so many starts, and the one of least bending is taken [1]."""
+MOST_STARTS = 64
+"""Where none of these is a curve that can be followed, from so many in all [1]."""
+MOST_STEPS = 40
+LONGEST_STEP = 1.5
+"""Coefficients change by no more in one step [rad]."""
+MET = 1e-11
+"""Ends are met within this, in lengths of the gap [1]."""
+SETTLED = 1e-4
+"""A curve is the one of least bending when its coefficients change by less [rad]."""
+MOST_BLUNTINGS = 30
+"""A curve that is too sharp is made blunter in so many steps [1]."""
+POWER = 8
+"""An arc's weight there is this power of its curvature [1]."""
+SAME = 1e-3
+"""Curves whose costs differ by a smaller part are one and the same [1]."""
+PARTS = (0.3, 0.1, 0.03, 0.01)
+"""Parts of such a step that are tried [1]."""
+SLIGHT = 1e-6
+CROSSING = 0.25
+"""Points of a gap that are so far apart along it shall not come near to each other [1]."""
+
+
+def solve_gap(T: Pose, T_to: Pose, length: float, planar: bool, sharpest: float) -> list[Turn]:
+    """Return short turns that lead from a pose to another's place and tangent.
+
+    `length` is the curve's [m], `sharpest` the greatest curvature [1/m]. Raises `ValueError` that
+    says why there is none.
+    """
+    way = T.R.T @ (T_to.p - T.p)
+    chord = float(np.linalg.norm(way))
+    if length <= chord:
+        raise ValueError(f"a length of {length:g} m is no more than its chord, {chord:.4f} m")
+    R = T.R.T @ T_to.R
+    if planar and (abs(way[2]) > SLIGHT or abs(R[2, 0]) > SLIGHT):
+        raise ValueError("a planar arm cannot leave its plane")
+    found = _solved(way / length, R[:, 0], planar, sharpest * length)
+    if found is None:
+        raise ValueError(f"no curve of {length:g} m leads there from any of {MOST_STARTS} starts")
+    bends = _bends(found[None], planar)[0]
+    curvature = _sharpest(found, planar) / length
+    if curvature > sharpest:
+        raise ValueError(
+            f"the bluntest curve that is found has a curvature of {curvature:.2f} 1/m, at most "
+            f"{sharpest:.2f} can be followed"
+        )
+    points = _ends(found[None], planar)[2][0] * length
+    apart = np.abs(np.subtract.outer(np.arange(ARCS + 1), np.arange(ARCS + 1)))
+    far = apart > CROSSING * ARCS
+    near = np.linalg.norm(points[:, None] - points, axis=2)[far]
+    if near.min() < 0.5 * CROSSING * length / math.pi:
+        raise ValueError(f"the curve comes to {near.min():.4f} m of itself")
+    return [Turn(length / ARCS, float(bend), float(climb)) for bend, climb in bends]
+
+
+def _solved(way: Array, tangent: Array, planar: bool, sharpest: float) -> Array | None:
+    """Return the coefficients of least cost that meet the end; lengths are in that of the gap.
+
+    Where none of the first starts leads to a curve that is not sharper, the first that is blunt
+    enough, or can be made so; failing that the bluntest. A start that leads to none of least cost
+    may still lead to one that meets the end.
+    """
+    curves = 1 if planar else 2
+    weight = np.tile(1.0 / (2.0 * np.arange(DEGREE + 1) + 1.0), curves)
+    draw, best, least = np.random.default_rng(0), None, math.inf
+    bluntest, seen = None, list[float]()
+    for start in range(MOST_STARTS):
+        x = draw.normal(0.0, 0.0 if start == 0 else 2.0, curves * (DEGREE + 1))
+        if start == 0:
+            x[1] = 0.1
+        found = _least(x, way, tangent, planar, weight)
+        cost = math.inf if found is None else float(weight @ found**2)
+        if cost < least:
+            best, least = found, cost
+        if start < STARTS - 1:
+            continue
+        # Beyond the first starts a curve is taken for being blunt.
+        found, cost = (best, least) if start == STARTS - 1 else (found, cost)
+        if found is None:
+            found, cost = _met(x, way, tangent, planar, MOST_STEPS), -1.0
+        if found is None or any(abs(cost - other) < SAME * cost for other in seen):
+            continue
+        seen.append(cost)
+        found = _blunter(found, way, tangent, planar, sharpest)
+        if bluntest is None or _sharpest(found, planar) < _sharpest(bluntest, planar):
+            bluntest = found
+        if _sharpest(bluntest, planar) <= sharpest:
+            break
+    return None if bluntest is None else _met(bluntest, way, tangent, planar)
+
+
+def _blunter(x: Array, way: Array, tangent: Array, planar: bool, sharpest: float) -> Array:
+    """Return coefficients near x (c,) that meet the end with less of the greatest curvature.
+
+    The first whose curvature is nowhere above `sharpest` (of unit length), or the bluntest found.
+    """
+    blocks = np.eye(1 if planar else 2)
+    for _ in range(MOST_BLUNTINGS):
+        most = _sharpest(x, planar)
+        if most <= sharpest:
+            break
+        shares = (np.hypot(*_bends(x[None], planar)[0].T) * ARCS / most) ** POWER
+        weight = np.kron(blocks, _legendre().T @ (shares[:, None] * _legendre()))
+        _, J = _linearised(x, way, tangent, planar)
+        free = np.linalg.svd(J)[2][len(J) :].T
+        step = free @ np.linalg.lstsq(free.T @ weight @ free, free.T @ weight @ x, rcond=None)[0]
+        for part in PARTS:
+            tried = _met(x - part * step, way, tangent, planar)
+            if tried is not None and _sharpest(tried, planar) < most:
+                break
+        else:
+            break
+        x = tried
+    return x
+
+
+def _least(x: Array, way: Array, tangent: Array, planar: bool, weight: Array) -> Array | None:
+    """Return coefficients near x (c,) of least cost that meet the end; None if it settles not."""
+    for _ in range(MOST_STEPS):
+        off, J = _linearised(x, way, tangent, planar)
+        JW = J / weight
+        try:
+            multiplier = np.linalg.solve(JW @ J.T, J @ x - off)
+        except np.linalg.LinAlgError:
+            return None
+        step = JW.T @ multiplier - x
+        x = x + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        if float(np.abs(step).max()) < SETTLED:
+            return x
+    return None
+
+
+def _sharpest(x: Array, planar: bool) -> float:
+    """Return the greatest curvature of a gap's curve, of unit length [1]."""
+    return float(np.hypot(*_bends(x[None], planar)[0].T).max()) * ARCS
+
+
+def _met(x: Array, way: Array, tangent: Array, planar: bool, steps: int = 6) -> Array | None:
+    """Return coefficients near x (c,) that meet the end exactly; None where there are none."""
+    for _ in range(steps):
+        off, J = _linearised(x, way, tangent, planar)
+        if float(np.abs(off).max()) < MET:
+            return x
+        step = np.asarray(np.linalg.lstsq(J, off, rcond=None)[0], dtype=np.float64)
+        x = x - step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+    return None
+
+
+def _linearised(x: Array, way: Array, tangent: Array, planar: bool) -> tuple[Array, Array]:
+    """Return how far the end is off (m,), and its Jacobian (m, c) by central differences."""
+    h = 1e-6
+    tried = np.vstack((x[None], x + h * np.eye(len(x)), x - h * np.eye(len(x))))
+    places, tangents, _ = _ends(tried, planar)
+    # Along two directions across the wanted tangent; it has to point ahead, too.
+    across = np.linalg.svd(tangent[None])[2][1:]
+    if planar:
+        aside = np.array([-tangent[1], tangent[0], 0.0])
+        ahead = np.arctan2(tangents @ aside, tangents @ tangent)[:, None]
+        off = np.concatenate(((places - way)[:, :2], ahead), axis=1)
+    else:
+        angle = np.arccos(np.clip(tangents @ tangent, -1.0, 1.0))
+        scale = np.where(angle > 1e-9, angle / np.maximum(np.sin(angle), 1e-9), 1.0)
+        off = np.concatenate((places - way, scale[:, None] * (tangents @ across.T)), axis=1)
+    n = len(x)
+    return off[0], ((off[1 : n + 1] - off[n + 1 :]) / (2.0 * h)).T
+
+
+def _bends(x: Array, planar: bool) -> Array:
+    """Return bend and climb of each arc (s, a, 2) [rad] of coefficients (s, c)."""
+    V = _legendre()
+    bend = x[:, : DEGREE + 1] @ V.T / ARCS
+    climb = np.zeros_like(bend) if planar else x[:, DEGREE + 1 :] @ V.T / ARCS
+    return np.stack((bend, climb), axis=2)
+
+
+def _legendre() -> Array:
+    """Return the polynomials at the middle of each arc (a, c): curvature of unit coefficients."""
+    t = 2.0 * (np.arange(ARCS) + 0.5) / ARCS - 1.0
+    V = np.asarray(legendre.legvander(t, DEGREE), dtype=np.float64)
+    V[:, 1:] -= V[:, 1:].mean(axis=0)  # what turns in all is c_0 alone, for arcs, too
+    return V
+
+
+def _ends(x: Array, planar: bool) -> tuple[Array, Array, Array]:
+    """Return ends (s, 3), end tangents (s, 3) and all points (s, a + 1, 3) of unit length."""
+    bends = _bends(x, planar)
+    R, p = np.tile(np.eye(3), (len(x), 1, 1)), np.zeros((len(x), 3))
+    points = [p]
+    for i in range(ARCS):
+        bend, climb = bends[:, i].T
+        angle = np.maximum(np.hypot(bend, climb), 1e-12)
+        inward = np.stack((np.zeros(len(x)), bend / angle, climb / angle), axis=1)
+        ahead = np.stack((np.ones(len(x)), np.zeros(len(x)), np.zeros(len(x))), axis=1)
+        s, c = np.sin(angle)[:, None], np.cos(angle)[:, None]
+        # (1 − cos α) / α without loss of digits
+        sagitta = (2.0 * np.sin(0.5 * angle) ** 2 / angle)[:, None]
+        chord = (s / angle[:, None] * ahead + sagitta * inward) / ARCS
+        p = p + np.einsum("sij,sj->si", R, chord)
+        points.append(p)
+        axis = np.cross(ahead, inward)
+        turned = np.stack((c * ahead + s * inward, c * inward - s * ahead, axis), axis=2)
+        frame = np.stack((ahead, inward, axis), axis=2)
+        R = np.einsum("sij,sjk,slk->sil", R, turned, frame)
+    return p, R[:, :, 0], np.stack(points, axis=1)

@@ -1,1 +1,0 @@
-"""HOLD: contact is bled off, and what was touched is given way to."""

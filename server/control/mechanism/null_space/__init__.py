@@ -1,1 +1,0 @@
-"""The null space: redundancy objectives, the potential field, control points."""

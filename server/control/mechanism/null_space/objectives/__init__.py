@@ -1,1 +1,0 @@
-"""Redundancy objectives: each asks for joint rates; their sum is projected to the null space."""

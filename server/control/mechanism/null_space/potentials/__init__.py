@@ -1,1 +1,0 @@
-"""Potential fields (Scott & Carignan): what the spare freedoms slide downhill in."""

@@ -1,0 +1,272 @@
+"""Motion of the spare degrees of freedom: objectives summed, projected, bounded; what precedes."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from ....config.load import Cell
+from ....config.schema.null_space import PrioritySection, RedundancySection
+from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
+from ..joints import Joints
+from ..proximity.pairs import ControlPointDistances, ControlPoints
+from ..scene import Scene
+from ..spatial import Array, Pose
+from .model import Mechanism
+from .objectives import KINDS, View
+
+# --- Motion of the spare degrees of freedom: the objectives' rates, summed, projected and bounded
+#
+# Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain, which is ramped like
+# the sources' gains; one whose gain is zero is not computed.
+
+NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
+"""Rates of the objectives that look at obstacles, where none does."""
+
+_NONE: Final = 1e-12
+"""Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
+
+
+class ObjectiveGains(NamedTuple):
+    """Gains of the redundancy objectives, and the posture that one of them pulls to."""
+
+    gains: dict[str, float]
+    posture: Array
+    """Joint angles (n,) that the posture objective pulls to [rad]."""
+
+
+class SelfMotion(NamedTuple):
+    """Request to the null space."""
+
+    dq: Array
+    """Joint rates (n,) in the null space [rad/s]."""
+    norms: dict[str, float]
+    """Size of each objective's own part of it [rad/s]; they may cancel."""
+
+
+class Redundancy:
+    """Composes the objectives of one mechanism."""
+
+    def __init__(
+        self, joints: Joints, mechanism: Mechanism, section: RedundancySection, pull_posture: Array
+    ) -> None:
+        """Build it from the cell's section; the posture objective pulls to `pull_posture` (n,)."""
+        self._objectives = {name: kind(joints, mechanism) for name, kind in KINDS.items()}
+        self._spare = joints.n > mechanism.rank
+        self._velocity = joints.velocity
+        self._bound = section.max_rate * joints.velocity
+        self.objectives = ObjectiveGains(section.gains, pull_posture)
+        """Those of the cell file."""
+        self._none = SelfMotion(np.zeros(joints.n), {})
+        self._none.dq.flags.writeable = False
+        # Scratch: of the gains seen last, which objectives act, and their gains.
+        self._acting: tuple[ObjectiveGains | None, list[str], Array] = (None, [], np.zeros(0))
+
+    def none(self) -> SelfMotion:
+        """Return an idle null space."""
+        return self._none
+
+    def ramped(self, now: ObjectiveGains, target: ObjectiveGains, part: float) -> ObjectiveGains:
+        """Return the gains a `part` (0 to 1) of the way from those in effect to the set ones."""
+        if now is target:
+            return target
+        gains = {}
+        for name, goal in target.gains.items():
+            way = goal - now.gains[name]
+            gains[name] = goal if abs(way) < 1e-6 else now.gains[name] + part * way
+        away = target.posture - now.posture
+        if not now.gains["posture"] or float(np.abs(away).max()) < 1e-6:
+            part = 1.0  # a pull that does not act yet may be aimed anew at once
+        if gains == target.gains and part == 1.0:
+            return target
+        return ObjectiveGains(gains, now.posture + part * away)
+
+    def rate(
+        self,
+        q: Array,
+        J: Array,
+        dq_task: Array,
+        null: Array,
+        objectives: ObjectiveGains,
+        factor: float,
+        outside: Mapping[str, Array] = NOTHING,
+        scale: Array | None = None,
+    ) -> SelfMotion:
+        """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
+
+        `null` (n − rank, n) has orthonormal rows that span the spare motions; `factor` is the
+        reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
+        objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
+        s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
+
+        Joints that share the work unequally, as `scale` D (n,) says, have `null` of J D: then the
+        projector is the oblique D nullᵀ null D⁻¹. Wheels of a base have no wishes of their own.
+        """
+        names, gains = self._act(objectives)
+        if not self._spare or not names:
+            return self._none
+        view = View(q, J, dq_task, null, objectives.posture, outside)
+        asked, dq, norms = np.empty((len(names), len(q))), np.zeros(len(q)), np.zeros(len(names))
+        for i, name in enumerate(names):
+            asked[i] = self._objectives[name].rate(view)
+        if scale is None:
+            _compose(asked, gains, null, dq_task, self._velocity, self._bound, factor, dq, norms)
+        else:
+            asked[:, :2] = 0.0
+            task, most, bound = dq_task / scale, self._velocity / scale, self._bound / scale
+            _compose(asked / scale, gains, null, task, most, bound, factor, dq, norms)
+            dq *= scale
+        return SelfMotion(dq, dict(zip(names, norms.tolist(), strict=True)))
+
+    def whole(
+        self, q: Array, J: Array, objectives: ObjectiveGains, outside: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return the joint rates (n,) of the objectives that are taken whole, by name.
+
+        `outside` holds what they are asked for (n,) at a gain of 1; the others ask for nothing.
+        """
+        view = View(q, J, self._none.dq, np.zeros((0, len(q))), objectives.posture, outside)
+        gains = {name: objectives.gains.get(name, 0.0) for name in outside if KINDS[name].WHOLE}
+        return {
+            name: gain * self._objectives[name].rate(view)
+            for name, gain in gains.items()
+            if gain > 0.0
+        }
+
+    def _act(self, objectives: ObjectiveGains) -> tuple[list[str], Array]:
+        """Return the objectives that act (k,), and their gains (k,)."""
+        if objectives is not self._acting[0]:
+            names = [
+                name
+                for name, gain in objectives.gains.items()
+                if gain > 0.0 and not KINDS[name].WHOLE
+            ]
+            self._acting = objectives, names, np.array([objectives.gains[name] for name in names])
+        return self._acting[1:]
+
+
+@compiled(MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER, ROW, ROW)
+def _compose(
+    asked: Array,
+    gains: Array,
+    null: Array,
+    dq_task: Array,
+    velocity: Array,
+    most: Array,
+    factor: float,
+    dq: Array,
+    norms: Array,
+) -> None:
+    """Write the self-motion (n,) and the size (k,) of each objective's part of it [rad/s].
+
+    Objectives ask for rates (k, n) at gains (k,). Of joints' speed bounds (n,), and of those of
+    self-motion, counts the part that is the reduced-speed setting. What is written is zeros before.
+    """
+    objectives, n = asked.shape
+    part = np.empty(n)
+    for i in range(objectives):
+        for j in range(n):
+            part[j] = 0.0
+        for row in range(len(null)):
+            along = 0.0
+            for j in range(n):
+                along += null[row, j] * asked[i, j]
+            for j in range(n):
+                part[j] += gains[i] * along * null[row, j]
+        for j in range(n):
+            dq[j] += part[j]
+            norms[i] += part[j] * part[j]
+    beyond = slowed = 1.0
+    for j in range(n):
+        beyond = max(beyond, abs(dq[j]) / max(factor * most[j], _NONE))
+        slowed = max(slowed, abs(dq_task[j]) / (factor * velocity[j]))
+    share = 1.0 / beyond
+    fits = 1.0
+    for j in range(n):
+        room = factor * velocity[j] - np.sign(dq[j]) * dq_task[j] / slowed
+        fits = min(fits, max(room, 0.0) / max(share * abs(dq[j]), _NONE))
+    share *= fits
+    for j in range(n):
+        dq[j] *= share
+    for i in range(objectives):
+        norms[i] = share * math.sqrt(norms[i])
+
+
+# --- Avoidance that precedes following (Hamaguchi, Taniguchi, section 3) --------------------------
+#
+# Obstacles inside the virtual spheres ask some joints for rates ξ, which the null space takes
+# (eqs. 7, 8), and leave less and less of the hand's force to be followed: (1 − α) of it (eqs.
+# 9, 10).
+
+LEVEL = 0.005
+"""Slope of the distance in a joint's self-motion below which its rate fades [m/rad]: where neither
+way leads away from an obstacle, no sign is right."""
+
+RELEASE_S = 0.2
+"""α rises at once, and falls from 1 to 0 in no less than this [s]."""
+
+
+class Near(NamedTuple):
+    """Distances of the virtual spheres from obstacles, and the priority that follows."""
+
+    names: tuple[str, ...]
+    distances: ControlPointDistances
+    alpha: float
+    """Priority of avoiding, 0 to 1."""
+
+
+class Priority:
+    """The virtual spheres of one cell, and the law of eqs. 8 to 10."""
+
+    def __init__(
+        self, law: PrioritySection, points: ControlPoints, joints: Array, period_s: float
+    ) -> None:
+        """`joints` (n,) has ones where the joint's rate avoids, zeros elsewhere."""
+        self._law, self._points, self._joints = law, points, joints
+        self._names = tuple(sphere.name for sphere in law.spheres)
+        self._release = period_s / RELEASE_S
+
+    @classmethod
+    def from_cell(cls, cell: Cell) -> Self | None:
+        """Build what a cell describes, None where it has no spheres. Raises `ConfigError`."""
+        law = cell.config.priority
+        if law is None:
+            return None
+        joints = np.array([float(joint.name in law.joints) for joint in cell.robot.joints])
+        return cls(law, ControlPoints(cell, law.spheres), joints, cell.config.timing.period_s)
+
+    def look(
+        self, q: Array, scene: Scene | None, before: Near | None, T_world_base: Pose | None = None
+    ) -> Near:
+        """Return what is near at joint angles q (n,) [rad]; `before` is that of the last tick."""
+        distances = self._points.look(q, scene, T_world_base)
+        alpha = alpha_of(distances.least, self._law) if self._law.precedence else 0.0
+        if before is not None:
+            alpha = max(alpha, before.alpha - self._release)
+        return Near(self._names, distances, alpha)
+
+    def rates(self, near: Near, null: Array) -> Array:
+        """Return ξ (n,) [rad/s]: of each joint, the way that widens the distance by self-motion.
+
+        `null` (r, n) has orthonormal rows that span the self-motions.
+        """
+        size = size_of(near.distances.least, self._law)
+        if size <= 0.0:
+            return np.zeros(len(self._joints))
+        # Joint i alone, projected, widens the distance at (P slope)_i.
+        widening = (null @ near.distances.slope) @ null
+        return np.asarray(size * self._joints * np.clip(widening / LEVEL, -1.0, 1.0))
+
+
+def size_of(distance: float, law: PrioritySection) -> float:
+    """Return |ξ| of each joint [rad/s] at a distance [m] (eq. 8)."""
+    part = (law.outer_radius - distance) / (law.outer_radius - law.inner_radius)
+    return law.rate * max(0.0, part)
+
+
+def alpha_of(distance: float, law: PrioritySection) -> float:
+    """Return α at a distance [m] (eq. 9)."""
+    part = (distance - law.inner_radius) / (law.outer_radius - law.inner_radius)
+    return math.exp(-law.steepness * max(0.0, part))

@@ -1,1 +1,0 @@
-"""Joint rates of an arm on a base with wheels."""

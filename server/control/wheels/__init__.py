@@ -1,1 +1,0 @@
-"""Two driven wheels under a base: how it rolls, its odometry, and what drives it."""

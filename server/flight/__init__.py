@@ -1,1 +1,0 @@
-"""Flight recorder: the tick's inputs, memories and outputs as bytes, and the black box."""

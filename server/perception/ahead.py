@@ -1,0 +1,389 @@
+"""What is ahead of a base that drives: the contour's passage, its headway, and where it is."""
+
+import math
+from collections import deque
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema.mechanism import DifferentialBaseSection
+from ...config.schema.surroundings import ContourReflexSection
+from ...protocols.messages.perception import NOTHING, ContourNews
+from ..control.scene import Body
+from ..control.spatial import Array, Pose, rotation_exp
+from ..control.state import Memory
+from ..control.wheels import Odometry, Rolling
+from ..events import Events
+from ..refusals import Refused, Why
+
+# --- Headway of a base that is driven ahead: whether it comes on, and a name for what holds it ----
+#
+# The reflex tells why there is no way through. What it takes for one, and is none, is told
+# here: no base stands for ever without a reason.
+
+STANDS: Final = 1e-3
+"""A base that is slower stands [m/s]."""
+HEADWAY_M: Final = 0.02
+"""A base that has come so much farther ahead makes headway [m]."""
+LEAST_SHARE: Final = 0.5
+"""One that is driven slowly is asked for this share of its way in `HELD_S` [1]."""
+HELD_S: Final = 4.0
+"""Clearances hold a base when they slowed it for so long without headway [s]."""
+WAITING_S: Final = 30.0
+"""Deciding and folding take less [s]: what waits longer will wait for ever."""
+HELD_BACK, NO_HEADWAY = "held_back", "no_headway"
+REASONS: Final = (HELD_BACK, NO_HEADWAY)
+
+
+class Headway:
+    """Follows how far a base came while it was asked to go ahead."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing: the base is not driven ahead, or why it stands is told already."""
+        self.reason = ""
+        """Why the base makes no headway; empty while it does, or while that is not known yet."""
+        self._mark_m: float | None = None
+        self._since = self._newest = self._held = 0
+
+    def lapse(self, tick: int) -> None:
+        """Know nothing any more where nobody was driven in the tick before."""
+        if tick > self._newest + 1:
+            self.forget()
+
+    def step(self, asked: float, way: float, tick: int, *, held: bool) -> None:
+        """Take in one tick of a base that is asked for a speed ahead [m/s].
+
+        `way` [m] is how far its wheels have rolled, from anywhere; `held` whether clearances are
+        what slows it.
+        """
+        self.lapse(tick)
+        if asked <= STANDS:
+            self.forget()
+        self._newest = tick
+        if asked <= STANDS:
+            return
+        least = min(HEADWAY_M, LEAST_SHARE * asked * HELD_S)
+        if self._mark_m is None or way - self._mark_m >= least:
+            self.reason, self._mark_m, self._since, self._held = "", way, tick, 0
+            return
+        self._held += held
+        if self.reason:
+            return
+        if self._held * self._period_s >= HELD_S:
+            self.reason = HELD_BACK
+        elif (tick - self._since) * self._period_s >= WAITING_S:
+            self.reason = NO_HEADWAY
+
+
+# --- Passage: what news of the contour ahead asks of base and arm, and for how long it is believed
+#
+# News of a sensor is no order: it slows down a base that is driven ahead, and names a posture
+# that the arm may take. Where it falls silent, no base drives ahead.
+
+UNSEEN_BEHIND: Final = "unseen_behind"
+"""Limit and event: the base goes back slowly, since nobody saw the ground there."""
+FOLD_S: Final = 1.0
+"""A posture is gone to for so long after the newest news; then the arm stands where it is [s]."""
+REFUSALS: Final = {
+    "base_blocked": "what carries the arm does not fit",
+    "column_blocked": "the column between foot and shoulder does not fit",
+    "no_posture": "no posture of the arm fits",
+    "no_way": "there is a posture that fits, but no free way to it",
+    "held_up": "the arm does not get to the posture that fits",
+    HELD_BACK: "clearances hold the base where the reflex saw a way",
+    NO_HEADWAY: "the base waits, and the reflex comes to no end",
+    "sequence_f1": "no free place for the tool",
+    "sequence_f2": "no free place for the elbow",
+    "sequence_f3": "the tool cannot be brought behind the elbow",
+    "sequence_stuck": "tool and elbow free each other's way in turn, and never both",
+}
+"""Reasons of a passage that is refused, in words."""
+
+
+class PassageNews(NamedTuple):
+    """The newest news."""
+
+    tick: int
+    phase: str
+    reason: str
+    posture: Array | None
+    """All joints of the mechanism (n,) [rad]; NaN for those that it does not concern."""
+    most_speed: float
+    most_speed_back: float
+    nearest: Array
+    """The contour (rows, columns) [m]; NaN for nothing."""
+
+
+class Passage:
+    """Keeps the newest contour of one arm."""
+
+    def __init__(
+        self,
+        contour: ContourReflexSection,
+        silent_s: float,
+        arm: list[int],
+        cell: Cell,
+        events: Events,
+    ) -> None:
+        """Build it for the joints `arm` of a mechanism."""
+        self._contour, self._arm, self._events = contour, arm, events
+        self._joints = cell.robot.joints
+        self._silent_ticks = max(1, round(silent_s / cell.config.timing.period_s))
+        self._fold_ticks = max(1, round(FOLD_S / cell.config.timing.period_s))
+        self._headway = Headway(cell.config.timing.period_s)
+        self._unseen = self._told_unseen = False
+        self.newest: PassageNews | None = None
+        self.silent = True
+        """No news is fresh."""
+
+    @classmethod
+    def from_cell(cls, cell: Cell, events: Events) -> Self | None:
+        """Return that of a cell; None where no contour is looked for."""
+        config = cell.config
+        if config.contour is None or config.scanner is None:
+            return None
+        beside = config.mechanism.beside_chain
+        arm = [i for i, joint in enumerate(cell.robot.joints) if joint.name not in beside]
+        return cls(config.contour, config.scanner.silent_s, arm, cell, events)
+
+    def take(self, news: ContourNews, tick: int) -> None:
+        """Take in a contour. Raises `Refused` where it does not fit."""
+        if news.tick > tick:
+            raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
+        before = self.newest
+        if before is not None and news.tick < before.tick:
+            raise Refused(Why.OUT_OF_ORDER, f"tick {news.tick} after {before.tick}")
+        plane = self._contour.plane
+        rows, columns = round(plane.height / plane.cell), round(plane.width / plane.cell)
+        if (news.rows, news.columns) != (rows, columns) or news.cell != plane.cell:
+            raise Refused(
+                Why.OUT_OF_RANGE,
+                f"{news.rows} by {news.columns} cells of {news.cell:g} m: the cell has {rows} by "
+                f"{columns} of {plane.cell:g} m",
+            )
+        millimetres = np.frombuffer(news.nearest_mm, dtype="<u2").reshape(rows, columns)
+        nearest = np.where(millimetres == NOTHING, np.nan, millimetres * 1e-3)
+        self.newest = PassageNews(
+            news.tick,
+            news.phase,
+            news.reason,
+            self._posture(news.posture),
+            math.inf if news.most_speed is None else news.most_speed,
+            news.most_speed_back,
+            nearest,
+        )
+        self._tell(before, self.newest)
+
+    def _posture(self, told: tuple[float, ...] | None) -> Array | None:
+        """Return a posture of all joints (n,). Raises `Refused` for one outside of the limits."""
+        if told is None:
+            return None
+        if len(told) != len(self._arm):
+            raise Refused(
+                Why.WRONG_JOINTS, f"posture: {len(told)} joints: must be {len(self._arm)}"
+            )
+        posture = np.full(len(self._joints), np.nan)
+        for i, angle in zip(self._arm, told, strict=True):
+            joint = self._joints[i]
+            if not joint.lower <= angle <= joint.upper:
+                raise Refused(
+                    Why.OUT_OF_RANGE,
+                    f"posture: {joint.name}: {angle:g} is outside of {joint.lower:g} to "
+                    f"{joint.upper:g}",
+                )
+            posture[i] = angle
+        return posture
+
+    def update(self, tick: int) -> None:
+        """Update whether news is fresh, and report each change as an event."""
+        newest = self.newest
+        silent = newest is None or tick - newest.tick > self._silent_ticks
+        if silent and not self.silent:
+            age = 0 if newest is None else tick - newest.tick
+            self._events.warning("scanner_silent", f"no contour for {age} ticks", age_ticks=age)
+        elif self.silent and not silent:
+            self._events.info("scanner_heard", "")
+        self.silent = silent
+        self._headway.lapse(tick)
+
+    def posture(self, tick: int) -> Array | None:
+        """Return the posture that the arm should take (n,) [rad]; None for none."""
+        newest = self.newest
+        if newest is None or tick - newest.tick > self._fold_ticks:
+            return None
+        return newest.posture
+
+    def share(self, speed: float) -> float:
+        """Return the share (0 to 1) of a drive's speed [m/s] that is let through.
+
+        Ahead, where nothing is in the way; back, over ground that was seen, and slowly beyond.
+        """
+        if speed == 0.0 or not self._contour.wait:
+            return 1.0
+        if speed < 0.0:
+            seen = 0.0 if self.silent or self.newest is None else self.newest.most_speed_back
+            return min(1.0, max(seen, self._contour.creep) / -speed)
+        if self.silent or self.newest is None:
+            return 0.0
+        return min(1.0, self.newest.most_speed / speed)
+
+    @property
+    def held(self) -> str:
+        """Why a base makes no headway, or goes slowly back; empty where nothing holds it."""
+        return UNSEEN_BEHIND if self._unseen else self._headway.reason
+
+    def follow(self, speed: float, way: float, tick: int, *, cleared: bool) -> None:
+        """Tell why a base that is driven ahead at a speed [m/s] makes no headway, if so.
+
+        `way` [m] is how far its wheels have rolled; `cleared` whether clearances are limiting.
+        What the reflex refuses, and silence, have names of their own.
+        """
+        self._look_behind(speed)
+        before, newest = self._headway.reason, self.newest
+        if newest is None or self.silent or newest.reason:
+            self._headway.forget()
+        else:
+            goes = self.share(speed) * speed > STANDS
+            self._headway.step(speed, way, tick, held=cleared and goes)
+        reason = self._headway.reason
+        if reason and not before:
+            self._events.warning("passage_refused", REFUSALS[reason], reason=reason)
+        elif before and not reason and newest is not None and newest.phase != "refused":
+            self._events.info(f"passage_{newest.phase}", "")
+
+    def _look_behind(self, speed: float) -> None:
+        """Tell once that a base is driven back faster than the ground behind it is known."""
+        if speed >= 0.0:
+            self._told_unseen = False
+        self._unseen = speed < 0.0 and self.share(speed) < 1.0
+        if self._unseen and not self._told_unseen:
+            self._told_unseen = True
+            self._events.warning(
+                "unseen_behind",
+                f"{-speed:g} m/s back over ground that nobody saw: {self._contour.creep:g} at most",
+                asked=-speed,
+                most=self._contour.creep,
+            )
+
+    def blind(self, speed: float) -> bool:
+        """Return whether a base that goes ahead at a speed [m/s] must stop: nobody looks ahead."""
+        return self.silent and self._contour.wait and speed > STANDS
+
+    def _tell(self, before: PassageNews | None, now: PassageNews) -> None:
+        if before is not None and (before.phase, before.reason) == (now.phase, now.reason):
+            return
+        if now.phase == "refused":
+            words = REFUSALS.get(now.reason, now.reason)
+            self._events.warning("passage_refused", words, reason=now.reason)
+        elif before is not None or now.phase != "clear":
+            self._events.info(f"passage_{now.phase}", "")
+
+
+# --- Base tracker: odometry of a base on wheels, corrected by news of where it is -----------------
+#
+# News names the telemetry tick in which it was measured, and is held against where the odometry
+# had the base then. What they differ by is made up for slowly; more than wheels drift by is a
+# slip, and then nobody knows where the tool is in World until both agree again.
+
+REMEMBERED_S: Final = 2.0
+"""News that is older is of no use [s]."""
+HEADING_GAIN: Final = 0.3
+"""Part of a heading's difference that one piece of news corrects [1]."""
+AGREES: Final = 0.5
+"""Wheels grip again when odometry and news differ by less than this part of a slip [1]."""
+
+
+class BaseTracker:
+    """Tracks one base that rolls."""
+
+    def __init__(
+        self,
+        section: DifferentialBaseSection,
+        rolling: Rolling,
+        T_world_base: Pose,
+        period_s: float,
+        events: Events,
+    ) -> None:
+        self._section, self._rolling, self._period_s = section, rolling, period_s
+        self._events = events
+        self._begun = False
+        self.odometry = Odometry.at(T_world_base, np.zeros(2))
+        self.twist = np.zeros(6)
+        """At which the commanded base is being corrected, at its origin in World axes."""
+        self.slips = False
+        """Odometry and news disagree: where the tool is in World is not known."""
+        self._past = deque[tuple[int, Pose]](maxlen=round(REMEMBERED_S / period_s))
+        self._newest = -1
+
+    @classmethod
+    def from_cell(cls, cell: Cell, events: Events) -> Self | None:
+        """Return the tracker of a loaded cell; None where nothing rolls."""
+        c, rolling = cell.config, Rolling.from_cell(cell)
+        if c.mechanism.base is None or rolling is None:
+            return None
+        place = c.mechanism.T_world_base
+        T = Pose.from_xyz_rpy(place.xyz, place.rpy)
+        return cls(c.mechanism.base, rolling, T, c.timing.period_s, events)
+
+    def step(self, tick: int, memory: Memory | None, q: Array) -> Body:
+        """Return the base for the command of `tick`; joints are measured at q (n,) [rad]."""
+        wheels, commanded = q[:2], None if memory is None else memory.motion.q[:2]
+        if commanded is None or not self._begun:
+            self.odometry = self.odometry.forget(wheels, wheels)
+            self._begun = True
+        self.odometry = self.odometry.rolled(self._rolling, commanded, wheels)
+        self.odometry, self.twist = self.odometry.corrected(
+            self._section.correction, self._period_s
+        )
+        self._past.append((tick, self.odometry.measured))
+        return self.odometry.body(self.twist)
+
+    def take_pose(self, tick: int, T_world_base: Pose) -> None:
+        """Take in where Base was at a tick."""
+        T_then = self._at(tick)
+        if T_then is not None:
+            self._see(T_then, T_world_base)
+
+    def take_heading(self, tick: int, yaw: float) -> None:
+        """Take in which way Base pointed at a tick, in World [rad]."""
+        T_then = self._at(tick)
+        if T_then is None:
+            return
+        x, y = T_then.R[0, 0], T_then.R[1, 0]
+        off = math.remainder(yaw - math.atan2(y, x), 2.0 * math.pi)
+        turn = rotation_exp(np.array([0.0, 0.0, HEADING_GAIN * off]))
+        self._see(T_then, Pose(turn @ T_then.R, T_then.p), heading=off)
+
+    def _at(self, tick: int) -> Pose | None:
+        """Return where the odometry had Base at a tick; None for news that is not newer."""
+        if tick <= self._newest:
+            return None
+        found = next((T for then, T in self._past if then == tick), None)
+        if found is not None:
+            self._newest = tick
+        return found
+
+    def _see(self, T_then: Pose, T_world_base: Pose, heading: float | None = None) -> None:
+        self.odometry = self.odometry.seen(T_then, T_world_base)
+        drift = self.odometry.drift
+        off = float(np.linalg.norm(drift[:3]))
+        turned = float(np.linalg.norm(drift[3:])) if heading is None else abs(heading)
+        far, wide = self._section.slip
+        worst = max(off / far, turned / wide)
+        if worst > 1.0 and not self.slips:
+            self.slips = True
+            self._events.warning(
+                "wheels_slip",
+                f"odometry and news of Base differ by {off:.3f} m and {turned:.3f} rad, at most "
+                f"{far:g} m and {wide:g} rad: the tool is not held in World until they agree",
+                distance_m=off,
+                angle_rad=turned,
+            )
+        elif worst < AGREES and self.slips:
+            self.slips = False
+            self._events.info("wheels_grip", "odometry and news of Base agree again")

@@ -1,1 +1,0 @@
-"""The contour ahead of an arm on a base, as it is told."""

@@ -1,1 +1,0 @@
-"""Contact that stops an arm: felt by its joints or its tool, and given way to until it is over."""

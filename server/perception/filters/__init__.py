@@ -1,1 +1,0 @@
-"""Filters of news: pure functions from a state and a measurement to the next state."""

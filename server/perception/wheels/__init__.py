@@ -1,1 +1,0 @@
-"""Where a base on wheels is: odometry, corrected by news."""

@@ -1,0 +1,638 @@
+"""The measured wrench: silent or saturated, its mean, and a load that nobody explained."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from ...config.schema.mechanism import ForceTorqueSection
+from ...config.schema.sources import FollowingSection
+from ...drivers.device import Cause
+from ..commands.settings import OperatorSettings
+from ..control.mechanism.wrench import Payload
+from ..control.spatial import GRAVITY, Array, Pose, cross, rotation_log, sizes
+from ..control.state import Output
+from ..control.task.task import GAIN_TIME_S
+from ..events import Events, Value
+from ..mode import Mode
+from ..plant import UnitReading
+from ..stability.judgement import WRENCH_SOURCES
+from .contact import ToolContact
+from .filters import UNKNOWN_LOAD, LoadUncertainty
+
+# --- Force/torque monitor: tells when the sensor falls silent or saturates, averages it for a tare
+
+TARE_S = 0.3
+"""A tare averages the sensor over this time [s]."""
+
+STILL = 1e-3
+"""An arm stands for a tare while every joint stayed within this over that time [rad, m].
+
+Force control follows the sensor's noise: where it is on, no command is ever quite zero. Within this
+a tool moves by millimetres a second, so that no force of inertia counts, and weight is known.
+"""
+
+ASKED = np.array([1e-3] * 3 + [2e-3] * 3)
+"""And while nothing but the sensor itself asks for more than this (6,) [m/s, rad/s].
+
+What a stick pushes against a wall stands, too: its push is what force control and stick agree on.
+"""
+
+NAME = "force_torque"
+
+WEIGHED = 0.1
+"""Part of a payload's weight by which the reading may be off [1]."""
+
+LONGEST = 0.5
+"""Centres of mass of tools are nearer to the sensor [m]."""
+
+
+def others_ask(twists: Mapping[str, Array]) -> bool:
+    """Return whether sources other than those of the sensor ask for motion; `twists` by source."""
+    asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
+    return bool((np.abs(asked) > ASKED).any())
+
+
+def reads_weight(left: Array, payload: Payload) -> bool:
+    """Return whether a reading is a payload's weight, if (6,) is left of it without that [N, N·m].
+
+    One that weighs little, or has its centre farther than a tool reaches, is not told from none.
+    """
+    weight, lever = -float(GRAVITY[2]) * payload.mass, float(np.linalg.norm(payload.com))
+    if weight < 2.0 * UNKNOWN_LOAD.force or lever > LONGEST:
+        return False
+    force, moment = sizes(left)
+    within = max(UNKNOWN_LOAD.moment, WEIGHED * weight * lever)
+    return force <= max(UNKNOWN_LOAD.force, WEIGHED * weight) and moment <= within
+
+
+class ForceTorqueMonitor:
+    """Monitors the sensor of a cell; if it is `essential`, the arm does not move without it."""
+
+    def __init__(self, events: Events, essential: bool, period_s: float) -> None:
+        self._events = events
+        self._essential = essential
+        self._stale: str | None = None
+        """The event that told why there is no reading; None while there is one."""
+        self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / period_s))
+        self._stood: deque[Array] = deque(maxlen=round(TARE_S / period_s))
+        """Where the joints were (n,), while nothing was asked of the arm."""
+
+    def update(
+        self, reading: UnitReading, weight: Array | None, twists: Mapping[str, Array]
+    ) -> None:
+        """Take in a reading; `weight` (6,) is what the payload alone makes the sensor read.
+
+        `twists` are what each source asks for.
+        """
+        if reading.q is None or others_ask(twists):
+            self._stood.clear()
+        else:
+            self._stood.append(reading.q)
+        trouble, stale = reading.wrench_trouble, None
+        if reading.wrench is None:
+            saturated = trouble is not None and trouble.cause is Cause.SATURATED
+            stale = "sensor_saturated" if saturated else "sensor_stale"
+        if stale is None and self._stale is not None:
+            self._events.info("sensor_fresh", NAME)
+        elif stale == "sensor_stale" and self._stale != stale:
+            self._events.warning(stale, NAME, age_s=reading.wrench_age_s)
+        elif stale is not None and trouble is not None and self._stale != stale:
+            self._events.warning(stale, f"{NAME}: {trouble.detail}", **trouble.values)
+        self._stale = stale
+        if reading.wrench is None:
+            self._unloaded.clear()
+        elif weight is not None:
+            self._unloaded.append(reading.wrench - weight)
+
+    @property
+    def unloaded(self) -> Array | None:
+        """The mean reading (6,) less the payload's weight [N, N·m]; None before there is one."""
+        full = len(self._unloaded) == self._unloaded.maxlen
+        return np.asarray(np.mean(self._unloaded, axis=0)) if full else None
+
+    @property
+    def still(self) -> bool:
+        """True while the arm stands well enough for a tare."""
+        if len(self._stood) < (self._stood.maxlen or 0):
+            return False
+        return bool((np.ptp(np.array(self._stood), axis=0) < STILL).all())
+
+    @property
+    def stale(self) -> tuple[str, ...]:
+        """The sensor's name while it is stale."""
+        return () if self._stale is None else (NAME,)
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """The sensor's name while it is stale and the arm may not move without it."""
+        return self.stale if self._essential else ()
+
+
+# --- Text and values of the event `load_unexplained` ----------------------------------------------
+
+
+def explanation(wrench: Array, unloaded: Array | None) -> tuple[str, dict[str, Value]]:
+    """Return what to say of a wrench (6,) in World axes, and its values.
+
+    `unloaded` (6,) is the sensor's reading, exerted sign, without the payload's weight: the bias
+    that would explain it.
+    """
+    force, moment = sizes(wrench)
+    up = float(wrench[2])
+    tilt = math.degrees(math.acos(min(1.0, abs(up) / force))) if force > 0.0 else 90.0
+    mass = up / -float(GRAVITY[2])
+    values: dict[str, Value] = {
+        "force_n": force,
+        "moment_nm": moment,
+        "force_world": str(np.round(wrench[:3], 2).tolist()),
+        "moment_world": str(np.round(wrench[3:], 3).tolist()),
+        "mass_kg": mass,
+        "off_vertical_deg": tilt,
+    }
+    less = "more" if mass >= 0.0 else "less"
+    words = f"{abs(mass):.2f} kg {less} than was told would, {tilt:.0f} deg off the vertical"
+    if unloaded is not None:
+        bias = np.round(-unloaded, 3).tolist()
+        values["bias"] = str(bias)
+        words += f"; or a bias of {bias}"
+    return (
+        f"{force:.1f} N and {moment:.2f} N·m that no contact explains: {words}. Force control and "
+        "following wait for a tare, the payload, or an acknowledgement",
+        values,
+    )
+
+
+# --- Moving average of the measured wrench, in World axes -----------------------------------------
+
+AVERAGE_S = 0.2
+"""The measured wrench is averaged over this time [s]."""
+NEWEST = 5
+"""And over so many ticks where it is to be known how it changes [1]."""
+
+
+@dataclass(frozen=True)
+class WrenchMark:
+    """Pose of the tool, and the wrench that was measured there."""
+
+    T: Pose
+    sizes: Array
+    """Of force and moment (2,) [N, N·m]."""
+    directions: Array
+    """Unit vectors of both in World (2, 3)."""
+
+
+class AveragedWrench:
+    """Average of the newest wrenches; below `bounds` (2,) [N, N·m] the tool counts as unloaded."""
+
+    def __init__(self, bounds: Array, period_s: float) -> None:
+        self._bounds = bounds
+        self._rows = np.zeros((max(2, round(AVERAGE_S / period_s)), 6))
+        """The newest wrenches, the last of them last."""
+        self._count = 0
+
+    @property
+    def known(self) -> bool:
+        """True once there is a reading."""
+        return self._count > 0
+
+    def clear(self) -> None:
+        """Forget: the sensor is stale."""
+        self._count = 0
+
+    def add(self, wrench_mrf: Array, output: Output) -> None:
+        """Take in the wrench (6,) of a tick, in MRF axes."""
+        R, rows = output.T_world_mrf_measured.R, self._rows
+        rows[:-1] = rows[1:]
+        rows[-1] = (wrench_mrf.reshape(2, 3) @ R.T).ravel()
+        self._count = min(self._count + 1, len(rows))
+
+    def mean(self) -> Array:
+        """Return the mean wrench (6,)."""
+        return self._mean(self._count)
+
+    def now(self) -> Array:
+        """Return the mean wrench (6,) of the last few ticks."""
+        return self._mean(min(self._count, NEWEST))
+
+    def mark(self, output: Output) -> WrenchMark:
+        """Return where the tool is, and what is measured now."""
+        mean = self.now()
+        size = np.array(sizes(mean))
+        directions = mean.reshape(2, 3) / np.maximum(size, 1e-9)[:, None]
+        return WrenchMark(output.T_world_mrf_measured, size, directions)
+
+    def sizes(self) -> Array:
+        """Return the sizes (2,) of mean force and moment [N, N·m]."""
+        return np.array(sizes(self.mean()))
+
+    def quiet(self) -> bool:
+        """Return whether neither is beyond its bound."""
+        return self.known and bool((self.sizes() <= self._bounds).all())
+
+    def _mean(self, newest: int) -> Array:
+        """Return the mean (6,) of so many wrenches, nothing of none."""
+        return np.asarray(self._rows[-newest:].mean(axis=0)) if newest else np.zeros(6)
+
+
+# --- Load monitor: tells contact from a load that nobody explained, before force control acts on it
+#
+# A payload that is told wrong, or a sensor that is biased, reads like contact in the air: the
+# arm would back away from it for ever. Contact gives way when the arm does, a load does not:
+# what is measured beyond the cell's `unexplained_force` or `unexplained_moment` when the arm is
+# enabled, the sources of the sensor are switched on, or what hangs on the sensor is told anew,
+# is backed away from slowly, and has to fall by `STIFFNESS` on the way. Otherwise it is said,
+# `load_unexplained`, and those sources wait until the sensor is tared, the payload is told, or
+# an operator acknowledges. Meanwhile the size of what is measured stands for contact: no
+# attitude changes that.
+
+SETTLE_S = 0.3
+"""After brakes have opened, joints settle for this long [s]."""
+RAMPED_S = 5.0 * GAIN_TIME_S
+"""A payload or bias that is told anew is in effect after this time [s]."""
+WAIT_S = 3.0
+"""So long it is waited for an answer while nothing else is asked of the arm [s]."""
+SPEED = np.array([5e-3, 25e-3])
+"""The tool backs away no faster, unless something else is asked of it [m/s, rad/s]."""
+SURER = 4.0
+"""Once it has fallen on the way, the tool goes on so many times as fast, and as far [1]."""
+STEP = np.array([1e-3, 5e-3])
+"""After every step back of that size it is judged [m, rad]."""
+STIFFNESS = np.array([1e3, 20.0])
+"""The softest contact falls by so much for each unit of it [N/m, N·m/rad]."""
+SAME = 0.1
+"""A load that was acknowledged may be off by that part when it is met again [1]."""
+
+
+class LoadTrust(StrEnum):
+    """Judgement of the measured load."""
+
+    EXPLAINED = "explained"
+    SETTLING = "settling"
+    JUDGED = "judged"
+    """The arm backs away from it, to see whether it falls."""
+    UNEXPLAINED = "unexplained"
+    UNKNOWN = "unknown"
+    """An operator said that it is not known."""
+    ACKNOWLEDGED = "acknowledged"
+
+
+LATCHED = (LoadTrust.UNEXPLAINED, LoadTrust.UNKNOWN)
+"""Force control waits for an operator."""
+
+
+class LoadMonitor:
+    """Judges what the force/torque sensor of one cell carries; idle in a cell without one."""
+
+    def __init__(
+        self,
+        sensor: ForceTorqueSection | None,
+        read: ForceTorqueMonitor,
+        damping: float,
+        period_s: float,
+        settings: OperatorSettings,
+        events: Events,
+    ) -> None:
+        """Begin with a load that is explained.
+
+        `read` knows what the sensor reads, `damping` is that of following a hand [N·s/m].
+        """
+        self._read, self._events, self._settings = read, events, settings
+        self._bounds = np.full(2, np.inf)
+        if sensor is not None:
+            self._bounds = np.array([sensor.unexplained_force, sensor.unexplained_moment])
+        self._idle = sensor is None
+        self._damping = damping
+        self._measured = AveragedWrench(self._bounds, period_s)
+        self.trust, self._until_s = LoadTrust.EXPLAINED, 0.0
+        self._mark: WrenchMark | None = None
+        self._falls = self._vouched = False
+        self._using, self._mode = False, Mode.BOOT
+        self._told = settings.load_told
+        self._known = np.zeros(2)
+        """Sizes of the load that is unexplained, unknown or acknowledged (2,) [N, N·m]."""
+        self._carried = False
+        """The drives carried what was measured when it was judged: then it is no bias."""
+        self._lever = 0.0
+        """From the MRF to the Sensor [m]."""
+        self._tared = np.zeros(2)
+        """Sizes of what a tare took for the sensor's own, and may be weight (2,) [N, N·m]."""
+        self._contact = ToolContact(period_s)
+
+    # --- what others ask ---------------------------------------------------------------------
+
+    @property
+    def doubt(self) -> LoadUncertainty | None:
+        """Error bounds of the sensor's load, for collision detection; None: it is trusted."""
+        off, turned = self._tared, 0.0
+        if self.trust is LoadTrust.EXPLAINED and not off.any():
+            return None
+        if self.trust is not LoadTrust.EXPLAINED:
+            turned = UNKNOWN_LOAD.angle
+            judged = self.trust in (LoadTrust.UNEXPLAINED, LoadTrust.ACKNOWLEDGED)
+            if self.trust is not LoadTrust.UNKNOWN and not (judged and self._carried):
+                off = off + np.maximum(self._known, self._measured.sizes())
+            off = off + UNKNOWN_LOAD[:2]
+        # What is known of it was measured at the MRF.
+        force, moment = off.tolist()
+        return LoadUncertainty(force, moment + self._lever * force, turned)
+
+    @property
+    def tool(self) -> ToolContact | None:
+        """Contact of the tool, by the size of a load; None while that is explained, or judged."""
+        return self._contact if self.trust in LATCHED else None
+
+    @property
+    def touched(self) -> bool:
+        """True while something touches the tool, by the size of a load that is not explained."""
+        return self._contact.touched
+
+    # --- every tick --------------------------------------------------------------------------
+
+    def update(
+        self,
+        output: Output | None,
+        mode: Mode,
+        time_s: float,
+        carried: bool,
+    ) -> None:
+        """Take in what the tick before made of the sensor's reading.
+
+        `carried` says that the drives carry what the sensor reads.
+        """
+        if self._idle or output is None:
+            return
+        if self.trust in (LoadTrust.EXPLAINED, LoadTrust.SETTLING, LoadTrust.JUDGED):
+            self._carried = carried
+        before, self._mode = self._mode, mode
+        moving, stale = mode is Mode.ENABLED, not self._measured.known
+        began = moving and before is not Mode.ENABLED
+        if output.wrench_mrf is None:
+            self._measured.clear()
+            self._using = False
+        else:
+            self._measured.add(output.wrench_mrf, output)
+            using = moving and any(self._settings.on[s] for s in WRENCH_SOURCES)
+            if began:
+                self._vouched = self._measured.quiet()
+            # Once it was explained, what comes while a source was off, or the sensor, is contact.
+            anew = (stale or not self._using) and not self._vouched
+            if using and (began or anew):
+                self._begin(time_s, before.energised)
+            self._using = using
+        self._hear(output, time_s)
+        if self._using and self._measured.known:
+            self._judge(output, time_s)
+        self._settings.load_settles &= self.trust is LoadTrust.SETTLING
+        self._settings.sensor_share = 0.0 if self._waits() else self._share(output)
+        if self.trust not in LATCHED:
+            self._contact.rest()
+            return
+        known, weight = float(self._known[0]), self._weight()
+        self._contact.update(known, self._measured.now(), weight, output, moving)
+
+    def _waits(self) -> bool:
+        """Return whether force control is not to act now."""
+        if self.trust is LoadTrust.SETTLING or self.trust in LATCHED:
+            return True
+        # Nothing acts before the arm is enabled, and nothing shall in the first tick.
+        if self.trust is LoadTrust.JUDGED:
+            return self._mode is not Mode.ENABLED
+        told = self.trust is LoadTrust.ACKNOWLEDGED or self._measured.quiet()
+        return not (self._mode.energised or told)
+
+    def _hear(self, output: Output, time_s: float) -> None:
+        """Notice what operators said of the load since the tick before."""
+        told = self._settings.load_told
+        if told == self._told:
+            return
+        self._told, heard = told, self._settings.load_heard
+        self._lever = self._apart(output)
+        if heard == "unknown":
+            self.trust, self._known = LoadTrust.UNKNOWN, self._measured.sizes()
+            self._events.warning("load_unknown", "force control waits until the payload is told")
+        elif heard == "acknowledged":
+            if self.trust is not LoadTrust.EXPLAINED:
+                self.trust, self._known = LoadTrust.ACKNOWLEDGED, self._measured.sizes()
+                self._events.warning("load_acknowledged", "", force_n=float(self._known[0]))
+        else:
+            quiet = self._measured.quiet()
+            self._tared = np.zeros(2) if quiet or heard != "tare" else self._measured.sizes()
+            # What was quiet may have been told wrong; contact that is under way stays contact.
+            if self.trust is not LoadTrust.EXPLAINED or quiet:
+                self.trust, self._until_s = LoadTrust.SETTLING, time_s + RAMPED_S
+                self._settings.load_settles = quiet
+
+    def _begin(self, time_s: float, energised: bool) -> None:
+        """Begin to judge; brakes of an arm that was not `energised` have just opened."""
+        if self.trust is LoadTrust.UNKNOWN:
+            return
+        if self._measured.quiet():
+            self.trust = LoadTrust.EXPLAINED
+        elif energised and self.trust is LoadTrust.UNEXPLAINED:
+            # Nothing was told of it, whatever the arm has touched since: it is not tried again.
+            self._say(None)
+        elif self.trust in (LoadTrust.UNEXPLAINED, LoadTrust.ACKNOWLEDGED) and self._met_again():
+            if self.trust is LoadTrust.UNEXPLAINED:
+                self._say(None)
+        else:
+            self.trust = LoadTrust.SETTLING
+            self._until_s = time_s + (0.0 if energised else SETTLE_S)
+
+    def _judge(self, output: Output, time_s: float) -> None:
+        if self.trust is LoadTrust.SETTLING and (
+            time_s >= self._until_s or others_ask(output.twists)
+        ):
+            if self._measured.quiet():
+                self._end(LoadTrust.EXPLAINED)
+            else:
+                self._start_probe(output, time_s)
+        elif self.trust is LoadTrust.JUDGED:
+            self._probe(output, time_s)
+
+    def _start_probe(self, output: Output, time_s: float) -> None:
+        self.trust, self._mark = LoadTrust.JUDGED, self._measured.mark(output)
+        self._until_s = time_s + WAIT_S
+        self._lever, self._falls = self._apart(output), False
+
+    def _probe(self, output: Output, time_s: float) -> None:
+        mark, here = self._mark, self._measured.mark(output)
+        if self._measured.quiet():
+            self._end(LoadTrust.EXPLAINED)
+        elif mark is not None:
+            which = 0 if here.sizes[0] > self._bounds[0] else 1
+            ways = (here.T.p - mark.T.p, rotation_log(here.T.R @ mark.T.R.T))
+            back = -float(ways[which] @ mark.directions[which])
+            if back >= STEP[which] * (SURER if self._falls else 1.0):
+                if mark.sizes[which] - here.sizes[which] < STIFFNESS[which] * back:
+                    self._doubt(output)
+                else:
+                    self._start_probe(output, time_s)
+                    self._falls = True
+            elif others_ask(output.twists):
+                self._until_s = time_s + WAIT_S
+            elif time_s > self._until_s:
+                self._doubt(output)
+
+    def _apart(self, output: Output) -> float:
+        place = self._settings.T_wrist_sensor
+        return 0.0 if place is None else float(np.linalg.norm(output.T_wrist_mrf.p - place.p))
+
+    def _end(self, trust: LoadTrust) -> None:
+        self.trust, self._mark, self._until_s = trust, None, 0.0
+        self._vouched = trust is LoadTrust.EXPLAINED
+
+    def _doubt(self, output: Output) -> None:
+        self._end(LoadTrust.UNEXPLAINED)
+        self._known, self._lever = self._measured.sizes(), self._apart(output)
+        self._say(self._read.unloaded)
+
+    def _say(self, unloaded: Array | None) -> None:
+        detail, values = explanation(self._measured.mean(), unloaded)
+        self._events.warning("load_unexplained", detail, **values)
+
+    # --- what is measured --------------------------------------------------------------------
+
+    def _met_again(self) -> bool:
+        off = np.abs(self._measured.sizes() - self._known)
+        return bool((off <= np.maximum(self._bounds, SAME * self._known)).all())
+
+    def _weight(self) -> float:
+        payload = self._settings.payload
+        return 0.0 if payload is None else 9.81 * payload.mass
+
+    def _share(self, output: Output) -> float:
+        """Return the part of their gains that the sensor's sources act with."""
+        if (
+            self.trust is not LoadTrust.JUDGED
+            or self._mode is not Mode.ENABLED
+            or others_ask(output.twists)
+        ):
+            return 1.0
+        settings, (force, moment) = self._settings, self._measured.sizes()
+        rate = np.zeros(2)
+        if settings.on["force"]:
+            gain = settings.gains["force"]
+            rate += gain[:3].max() * force, gain[3:].max() * moment
+        if settings.on["following"]:
+            rate += force / self._damping, 0.0
+        most = SPEED * (SURER if self._falls else 1.0)
+        return float(min(1.0, (most / np.maximum(rate, 1e-12)).min()))
+
+
+# --- Following a hand: the part of the measured force that is nobody's, because it does not change
+#
+# A load or a bias that was told a little wrong reads like a light hand, below the bounds of
+# `wrench.py`: it would lead the tool away for ever, 0.2 kg at 20 N·s/m by 0.1 m/s. A
+# hand is known by its changes. So what was there before the arm was enabled, and what has
+# stayed the same for `STAYS_S` (`HANGS_S`, where it is vertical as a weight is), is nobody's:
+# it is not followed, as long as nothing else is measured (`following.py`).
+# Any other wrench is followed whole and at once. Changes below half of the deadband are the
+# sensor's noise, no hand's.
+
+STAYS_S = 3.0
+"""A hand does not hold the same force for so long [s]."""
+HANGS_S = 1.0
+"""Nor the same vertical one, which a weight is; nor is there one that presses nothing [s]."""
+VERTICAL = math.cos(math.radians(10.0))
+"""Cosine of the angle to the vertical within which a force may be a weight [1]."""
+STEADY = 0.5
+"""Within that part of the deadband of following a wrench counts as the same [1]."""
+BLOCK = 5
+"""The measured wrench is averaged over so many ticks [1]."""
+
+
+class UnchangingForce:
+    """Learns what one arm's sensor reads while nobody leads the tool."""
+
+    def __init__(
+        self,
+        section: FollowingSection,
+        settings: OperatorSettings,
+        period_s: float,
+        events: Events,
+    ) -> None:
+        self._settings, self._events = settings, events
+        self._deadband = np.array([section.deadband, section.moment_deadband])
+        self._per_s = 1.0 / (BLOCK * period_s)
+        self._newest: deque[Array] = deque(maxlen=BLOCK)
+        self._blocks: deque[Array] = deque(maxlen=round(STAYS_S * self._per_s))
+        self._ticks = 0
+        self._T_wrist_mrf: Pose | None = None
+        self._learned = np.zeros(6)
+        self._said = np.zeros(6)
+
+    def update(self, output: Output | None, mode: Mode, trust: LoadTrust) -> Array | None:
+        """Take in the tick before; return the wrench (6,) that is nobody's, in World axes.
+
+        It is what the arm exerts at the MRF. None: there is none beyond the deadband, or a load
+        that no contact explains is judged, or waits for an operator.
+        """
+        if output is None or trust is LoadTrust.JUDGED or trust in LATCHED:
+            self._forget()
+            return None
+        if output.wrench_mrf is None:
+            self._newest.clear()
+            self._blocks.clear()
+        else:
+            self._carry(output)
+            R = output.T_world_mrf_measured.R
+            self._newest.append((output.wrench_mrf.reshape(2, 3) @ R.T).ravel())
+            self._ticks += 1
+            if self._ticks % BLOCK == 0:
+                self._learn(mode.energised and trust is not LoadTrust.SETTLING)
+        acts = np.array(sizes(self._learned)) > self._deadband
+        if not acts.any():
+            return None
+        if mode is Mode.ENABLED and self._settings.on["following"]:
+            self._tell()
+        return np.asarray(self._learned * np.repeat(acts, 3))
+
+    def _forget(self) -> None:
+        self._newest.clear()
+        self._blocks.clear()
+        self._learned, self._said = np.zeros(6), np.zeros(6)
+
+    def _carry(self, output: Output) -> None:
+        """Bring what was measured at another MRF, in the Wrist, to that of now."""
+        before, now = self._T_wrist_mrf, output.T_wrist_mrf
+        self._T_wrist_mrf = now
+        if before is None or np.array_equal(before.p, now.p):
+            return
+        lever = output.T_world_mrf_measured.R @ now.R.T @ (before.p - now.p)
+        for wrench in (self._learned, *self._newest, *self._blocks):
+            wrench[3:] += cross(lever, wrench[:3])
+
+    def _learn(self, followed: bool) -> None:
+        """Take in one more block of the newest wrenches."""
+        newest = np.mean(self._newest, axis=0)
+        self._blocks.append(newest)
+        if not followed:
+            # The brakes hold, or a load is told: what is read now is there before it is followed.
+            self._learned = newest.copy()
+            return
+        force, up = sizes(newest)[0], abs(float(newest[2]))
+        hangs = force <= self._deadband[0] or up >= VERTICAL * force
+        count = round((HANGS_S if hangs else STAYS_S) * self._per_s)
+        if len(self._blocks) < count:
+            return
+        last = np.array(self._blocks)[-count:]
+        off = np.linalg.norm((last - newest).reshape(count, 2, 3), axis=2).max(axis=0)
+        leads = self._settings.gains["following"].reshape(2, 3).any(axis=1)
+        if not (leads & (off > STEADY * self._deadband)).any():
+            self._learned = last.mean(axis=0)
+
+    def _tell(self) -> None:
+        off = np.array(sizes(self._learned - self._said))
+        if not (off > self._deadband).any():
+            return
+        self._said = self._learned.copy()
+        force, moment = sizes(self._learned)
+        weight = float(self._learned[2])
+        words = f"{force:.2g} N and {moment:.2g} N·m do not change, as a hand's do"
+        if force > self._deadband[0] and abs(weight) >= VERTICAL * force:
+            words += f"; {weight / -float(GRAVITY[2]):+.2g} kg that nobody told of would be these"
+        self._events.warning("force_unchanging", words, force_n=force, moment_nm=moment)

@@ -1,0 +1,113 @@
+"""What the loop asks of the machine: time, real-time settings, words to the service manager."""
+
+import contextlib
+import ctypes
+import gc
+import os
+import socket
+import time
+from collections.abc import Mapping
+from typing import Protocol
+
+# --- Time for the loop: the monotonic clock, or a virtual one that a simulation sets --------------
+
+
+class Clock(Protocol):
+    """Seconds on a clock that never goes back."""
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        ...
+
+    def wall_ns(self) -> int:
+        """Return the time of day [ns since 1970]: for stamps of records, and nothing else."""
+        ...
+
+
+class MonotonicClock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return time.monotonic()
+
+    def wall_ns(self) -> int:
+        """Return the time of day [ns since 1970]."""
+        return time.time_ns()
+
+    def sleep_until(self, deadline_s: float) -> None:
+        """Sleep until an absolute time [s]; return at once when it has passed."""
+        left = deadline_s - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+
+
+class VirtualClock:
+    """A clock that stands until it is set."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return self.time_s
+
+    def wall_ns(self) -> int:
+        """Return the virtual time [ns]."""
+        return round(self.time_s * 1e9)
+
+
+# --- Real-time settings of the operating system for the loop, as far as they are granted ----------
+
+PRIORITY = 60
+"""SCHED_FIFO priority: above ordinary threads, below the kernel's own."""
+
+_MCL_CURRENT_AND_FUTURE = 3
+
+
+def prepare() -> list[str]:
+    """Ask for real-time scheduling and locked memory; return a notice for each that was denied.
+
+    Garbage collection is frozen and off afterwards: the loop collects in its slack.
+    """
+    notices = []
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (PermissionError, OSError) as error:
+        notices.append(
+            f"no real-time scheduling ({error.strerror}): expect late ticks under load; "
+            "grant CAP_SYS_NICE or an rtprio limit"
+        )
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
+        notices.append(
+            f"memory is not locked ({os.strerror(ctypes.get_errno())}): a page fault can delay a "
+            "tick; grant CAP_IPC_LOCK or a memlock limit"
+        )
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return notices
+
+
+def release() -> None:
+    """Unfreeze what `prepare` kept from the garbage collector, before the process ends."""
+    gc.unfreeze()
+    gc.enable()
+
+
+# --- Words to the service manager that started the daemon: sd_notify, where there is one to hear
+
+
+def notify(words: str, environment: Mapping[str, str] = os.environ) -> None:
+    """Send `READY=1` and the like to systemd's socket; without one, do nothing."""
+    address = environment.get("NOTIFY_SOCKET", "")
+    if not address:
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    with (
+        contextlib.suppress(OSError),  # a manager that has gone is told nothing
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as heard,
+    ):
+        heard.sendto(words.encode(), address)

@@ -1,1 +1,0 @@
-"""Force reflection: the force of the operator's handle, kept passive over a network."""
