@@ -31,7 +31,7 @@ from .operators.link import Link, network
 from .perception.ahead import Passage
 from .plant import PlantReading
 from .recorder import KeptTick, pack_memories
-from .units.unit import Unit, described_base, described_insertion, told_insertion
+from .units.unit import Unit, described_base, described_insertion
 from .units.units import JointUnit, Units
 
 DESCRIBE_EVERY = 100
@@ -196,7 +196,7 @@ def _of_task(
         "off_path": None if output.off_path is None else _three(output.off_path),
         "spheres": {} if output.near is None else sphere_distances(output.near),
         "priority": None if output.near is None else output.near.alpha,
-        "insertion": told_insertion(unit.arm, output.insertion),
+        "insertion": unit.arm.body.telemetry(output.insertion),
         "at_goal": output.at_goal or commands.goals.posture_reached,
     }
 

@@ -16,7 +16,7 @@ from ...protocols.messages import perception as moving
 from ...protocols.messages.messages import Drive, Frame, Insert, PathRequest
 from ...protocols.topics import TOPICS, Flow
 from ..control.backbone.fit import Chain
-from ..control.backbone.insertion import STILL, DriveRequest
+from ..control.bodies.body import STILL, DriveRequest
 from ..control.scene import GROUNDS, FrameTree, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist
 from ..control.state import Output, Settings

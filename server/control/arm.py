@@ -1,14 +1,15 @@
 """One mechanism with its task: what it is asked for in a tick, and what became of that."""
 
 import math
-from typing import Self
+from typing import Final, Self
 
 from ...config.load import Cell
-from ...config.schema.mechanism import DifferentialBaseSection
 from .actuation.actuation import Now
 from .asking import ArmReading, Asking, Stages, Wanted, path_of_mrf
-from .backbone.insertion import Backbone
+from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, BarrierInputs, Clear
+from .bodies.body import Builder, SerialArm
+from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import MOVED
 from .mechanism.field import advance_offset, on_path
@@ -17,7 +18,7 @@ from .mechanism.model import Kinematics, Mechanism
 from .parameters import Parameters
 from .spatial import Array, Pose, sizes
 from .state import Inputs, Intent, Memory, Output, Settings
-from .stop.limiter import Judge, Limited
+from .stop.limiter import Limited
 from .task.source import Granted
 from .task.task import TaskMemory
 
@@ -30,28 +31,27 @@ LATELY = 0.9
 STANDING = 1e-9
 """Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
+BODIES: Final = (BackboneArm, WheeledArm, SerialArm)
+"""Kinds of bodies; a mechanism's is the first that the cell has a section for."""
+
 
 class Arm:
     """The control computation of one mechanism and its task."""
 
-    def __init__(
-        self,
-        p: Parameters,
-        mechanism: Mechanism,
-        backbone: Backbone | None = None,
-        base: DifferentialBaseSection | None = None,
-    ) -> None:
-        """Build it; with a `backbone` the joints follow a curve, with a `base` it has wheels."""
+    def __init__(self, p: Parameters, mechanism: Mechanism, build: Builder = SerialArm) -> None:
+        """Build it; `build` makes its body."""
         self.p = p
         self.mechanism = mechanism
-        self.stages = Stages(p, mechanism, backbone, base)
+        self.stages = Stages(p, mechanism, build)
+        self.body = self.stages.body
         self.asking = Asking(p, mechanism, self.stages)
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
         """Build that of a cell's only mechanism. Raises `ConfigError`."""
         p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
-        return cls(p, mechanism, Backbone.from_cell(cell), cell.config.mechanism.base)
+        builders = (kind.builder(cell) for kind in BODIES)
+        return cls(p, mechanism, next(build for build in builders if build is not None))
 
     def seed(self, q: Array) -> Memory:
         """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
@@ -65,14 +65,6 @@ class Arm:
         """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
         mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
         return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
-
-    def beyond_wall(self, memory: Memory, q: Array) -> float:
-        """Return how far links at joints q (n,) stand beyond the walls of their tunnel [m].
-
-        0 for those that do not, and for an arm that goes through none.
-        """
-        slither = self.stages.slither
-        return 0.0 if slither is None else slither.backbone.beyond_wall(memory.insertion, q)
 
     def locked_joints(self, memory: Memory) -> dict[str, float]:
         """Return the angles of joints that stand and do not follow, by name [rad].
@@ -99,25 +91,15 @@ class Arm:
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
-            together=asked.together,
-            led=asked.led,
-            path=None
-            if self.stages.rolling is None
-            else self.stages.rolling.path(seen.kinematics, inputs.ground == "base"),
+            together=asked.found.synchronized,
+            led=asked.found.wheels_commanded,
+            path=self.body.path(seen.kinematics, inputs.ground == "base"),
             by_joint=asked.by_joint,
-            standing=0
-            if asked.insertion is None or asked.together or asked.by_joint
-            else asked.insertion.beyond,
+            standing=asked.found.n_locked,
             ordered=not beside or self.asking.ordered(asked.twists, inputs),
             makes_way=asked.stance.makes_way,
             tool_stays=asked.stance.tool_stays,
         )
-
-    def judge(self, memory: Memory, seen: ArmReading) -> Judge | None:
-        """Return what judges the stops of an arm that follows a curve; None for another."""
-        if self.stages.slither is None:
-            return None
-        return self.stages.slither.judge(memory.insertion, memory.motion.q, seen.error)
 
     def finish(
         self,
@@ -148,7 +130,9 @@ class Arm:
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
         stance = asked.stance
         station = stance.station
-        leaves = inputs.at_posture and max(asked.self_motion.norms.values(), default=0.0) > MOVED
+        leaves = (
+            inputs.at_posture and max(asked.found.self_motion.norms.values(), default=0.0) > MOVED
+        )
         if station is None and stance.alert and (allowed.made_way or leaves):
             station = self.stages.standing.begun(memory.stop, seen.kinematics.T_world_mrf)
         accelerated = sizes(seen.kinematics.J.dot(limited.motion.ddq))[0]
@@ -185,15 +169,15 @@ class Arm:
             stop_worsened=limited.worsened,
             shown=clear.shown,
             near=memory.near,
-            sigma_min=asked.sigma_min,
+            sigma_min=asked.found.sigma_min,
             gains=memory.task.gains,
             objectives=memory.objectives,
-            self_motion=asked.self_motion,
+            self_motion=asked.found.self_motion,
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.task.force.bleeding,
             path=memory.task.position.progress,
             T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
-            field=asked.field,
+            field=asked.found.field,
             off_path=memory.task.off_path,
             insertion=memory.insertion,
         )
@@ -212,7 +196,7 @@ class Arm:
         granted = Granted(
             share, 0.0 if stopped else pace, scale < SLID * pace, asked.twist, k.T_world_mrf
         )
-        off_path = advance_offset(memory.off_path, asked.give_way, share * self.p.period_s)
+        off_path = advance_offset(memory.off_path, asked.found.give_way, share * self.p.period_s)
         return self.stages.task.advanced(memory, granted, off_path)
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
@@ -220,9 +204,6 @@ class Arm:
             return False
         if inputs.posture is not None:
             return at_posture(memory.motion.q, inputs.posture)
-        if self.stages.slither is not None and inputs.drive.depth is not None:
-            insertion = memory.insertion
-            return insertion is not None and self.stages.slither.backbone.arrived(
-                insertion, inputs.drive
-            )
+        if (arrived := self.body.arrived(memory.insertion, inputs.drive)) is not None:
+            return arrived
         return memory.task.position.at_goal and on_path(memory.task.off_path)

@@ -8,17 +8,23 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...config.schema.mechanism import DifferentialBaseSection
 from .actuation.actuation import Actuation, BySpeed, ByTorque, HoldingTorque, OnWheels, by_position
 from .actuation.torque import TorqueLaw
-from .backbone.insertion import Backbone, Insertion, Slither
 from .barriers.rows import JointRoom
+from .bodies.body import (
+    Builder,
+    Environment,
+    Insertion,
+    JointRates,
+    RateRequest,
+    SerialArm,
+)
 from .compiled import evolve
 from .hold import COMMANDED, STANDS, Retreat, RetreatState, Stance, Standing
-from .mechanism.field import Field, FieldReading
-from .mechanism.joint_rates import FOLDING, Around, BaseRates, JointMotion, Resolver, Wish
+from .mechanism.field import Field
+from .mechanism.joint_rates import FOLDING, JointMotion
 from .mechanism.model import Dynamics, Kinematics, Mechanism
-from .mechanism.redundancy import Near, ObjectiveGains, Redundancy, SelfMotion
+from .mechanism.redundancy import Near, ObjectiveGains, Redundancy
 from .mechanism.resolution import resolve
 from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
@@ -36,13 +42,7 @@ from .task.task import Quantities, Task, TaskMemory
 class Stages:
     """Stages of one arm in a tick. Holds constants and scratch memory only."""
 
-    def __init__(
-        self,
-        p: Parameters,
-        mechanism: Mechanism,
-        backbone: Backbone | None = None,
-        base: DifferentialBaseSection | None = None,
-    ) -> None:
+    def __init__(self, p: Parameters, mechanism: Mechanism, build: Builder = SerialArm) -> None:
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)
         contact = ContactWrench(
@@ -56,26 +56,13 @@ class Stages:
         self.wrist = Wrist(contact, p.payload, T)
         self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
-        self.resolver = Resolver(
-            joints, p.resolve, mechanism.rank, self.redundancy, field, p.priority
-        )
-        self.slither = None
-        if backbone is not None:
-            self.slither = Slither(
-                backbone, self.resolver, self.redundancy, mechanism.rank, joints.names
-            )
-        self.rolling = None
-        if base is not None and mechanism.rolling is not None:
-            self.rolling = BaseRates(
-                base, mechanism.rolling, joints, p.resolve, (mechanism.arm_rank, mechanism.rank),
-                self.redundancy, field, p.priority,
-            )  # fmt: skip
+        self.body = build(p, mechanism, self.redundancy, field)
         room = JointRoom.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None
         if p.retreat_leash is not None:
             self.retreat = Retreat(
-                p.retreat_leash, T, bound=backbone is not None, gives_way=p.gives_way
+                p.retreat_leash, T, bound=self.body.on_curve, gives_way=p.gives_way
             )
         self.standing = Standing(p.avoidance, p.capsules, joints.velocity)
         self.actuate = actuation(p, mechanism)
@@ -298,19 +285,10 @@ class Wanted(NamedTuple):
     twist: Array
     scale: float
     limits: tuple[str, ...]
-    sigma_min: float
-    self_motion: SelfMotion
-    field: FieldReading | None = None
-    give_way: Array | None = None
-    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    found: JointRates
+    """What the body resolved, before anything came beside it."""
     by_joint: bool = False
     """The joints are commanded themselves: jogged, or led to a posture."""
-    together: bool = False
-    """The joints follow a curve: one that is held up holds up all."""
-    insertion: Insertion | None = None
-    """Where along its curve the arm is."""
-    led: bool = False
-    """The wheels of its base go as they are driven."""
     stance: Stance = STANDS
     """How the arm meets what comes."""
 
@@ -336,13 +314,6 @@ class Asking:
 
     def __init__(self, p: Parameters, mechanism: Mechanism, stages: Stages) -> None:
         self.p, self.mechanism, self.stages = p, mechanism, stages
-        self._quick = p.joints.acceleration.copy()
-        """How much each joint (n,) does of relieving contact; wheels nothing."""
-        if stages.rolling is not None:
-            self._quick[:2] = 0.0
-        elif stages.slither is not None:
-            # It goes back along its curve alone (`hold.py`).
-            self._quick[:] = 0.0
         self.shared: Capsules | None = None
         """The arm's capsules, where barriers look at the same ones: they are placed once."""
 
@@ -397,7 +368,7 @@ class Asking:
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
         task, twists = self.stages.task.twists(task, context)
-        around = Around(inputs.scene, near, base, placed, wrench)
+        around = Environment(inputs.scene, near, base, placed, wrench)
         stance = self._stance(memory, inputs, task, twists, k, placed)
         acting, at_posture = objectives, inputs.at_posture
         if at_posture and stance.alert and self._roused(stance, inputs):
@@ -413,10 +384,9 @@ class Asking:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, k, asked)
         error = memory.sent[1] - inputs.q_measured
-        if self.stages.slither is not None and asked.together:
-            share = self.stages.slither.off_walls(asked.insertion, motion.q, error, asked.dq)
-            if share < 1.0:
-                asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
+        share = self.stages.body.wall_scale(asked.found, motion.q, error, asked.dq)
+        if share < 1.0:
+            asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
             memory,
             wrist=wrist,
@@ -425,7 +395,7 @@ class Asking:
             moving_since_s=since_s if inputs.intent is Intent.MOVE else None,
             near=near,
             retreat=retreat,
-            insertion=asked.insertion,
+            insertion=asked.found.insertion,
         )
         return memory, ArmReading(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
@@ -479,7 +449,7 @@ class Asking:
         inputs: Inputs,
         k: Kinematics,
         lever: Array,
-        around: Around,
+        around: Environment,
         insertion: Insertion | None = None,
         whole: Whole = IDLE,
         following: tuple[Array, Array] | None = None,
@@ -497,12 +467,10 @@ class Asking:
             joint_rates = self.stages.joint_motion.rates(
                 q, inputs.jog, inputs.posture, inputs.settings.speed_factor
             )
-        wheels = np.zeros(2)
-        if self.stages.rolling is not None and inputs.intent is Intent.MOVE:
-            drive, factor = inputs.drive, inputs.settings.speed_factor
-            wheels = self.stages.rolling.driven(drive.speed, drive.turn, factor)
             if joint_rates is not None and inputs.jog is None:
-                joint_rates[:2] = wheels
+                joint_rates = self.stages.body.with_drive(
+                    joint_rates, inputs.drive, inputs.settings.speed_factor
+                )
         if joint_rates is not None:
             relief = twists["force"]
             twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
@@ -512,12 +480,12 @@ class Asking:
         s_tool = self.tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
         if joint_rates is not None:
-            dq, self_motion = s_tool * joint_rates, self.stages.redundancy.none()
-            return Wanted(dq, twists, twist, s_tool, limits, math.nan, self_motion, by_joint=True)
+            found = JointRates(s_tool * joint_rates, self.stages.redundancy.none())
+            return Wanted(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
         if inputs.settings.contact_share < 1.0:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
-        wish = Wish(
+        request = RateRequest(
             left if s_tool == 1.0 else s_tool * left,
             lever,
             objectives,
@@ -525,36 +493,16 @@ class Asking:
             inputs.intent is Intent.MOVE and not inputs.at_posture,
             off_path,
             inputs.goal is not None,
+            inputs.intent is Intent.MOVE,
+            inputs.intent is Intent.SEED,
+            inputs.ground == "base",
+            inputs.drive,
+            insertion,
+            following,
         )
-        slither, together, led = self.stages.slither, False, False
-        if self.stages.rolling is not None:
-            on_base = inputs.ground == "base" or inputs.intent is not Intent.MOVE
-            found, led = self.stages.rolling.rates(q, k, wish, around, on_base, wheels)
-        elif slither is None:
-            found = self.stages.resolver.rates(q, k, wish, around)
-        elif inputs.intent is Intent.SEED:
-            found, insertion, together, _ = slither.at_rest(q)
-        else:
-            found, insertion, together, slowed = slither.rates(
-                q, k, wish, around, insertion, inputs.drive, inputs.intent is Intent.MOVE, following
-            )
-            limits += slowed
-        if found.singular:
-            limits += ("singularity",)
-        return Wanted(
-            found.dq if whole is IDLE else whole.added(found.dq, s_tool),
-            twists,
-            twist,
-            s_tool,
-            limits,
-            found.sigma_min,
-            found.self_motion,
-            found.field,
-            found.give_way,
-            together=together,
-            insertion=insertion,
-            led=led,
-        )
+        found = self.stages.body.rates(q, k, request, around)
+        dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
+        return Wanted(dq, twists, twist, s_tool, limits + found.limits, found)
 
     def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
         """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
@@ -566,7 +514,7 @@ class Asking:
         if float(towards @ joint_rates) < 0.0:
             threshold = self.p.sources.force.hold_threshold
             joint_rates = joint_share(sizes(wrench)[0], threshold) * joint_rates
-        back = self._quick * towards
+        back = self.stages.body.relief * towards
         speed, along = float(relief[:3] @ relief[:3]), float(towards @ back)
         most = float((self.p.joints.velocity / np.maximum(np.abs(back), 1e-12)).min())
         return np.asarray(joint_rates + min(speed / max(along, 1e-12), most) * back)

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .actuation.torque import TorqueState
-from .backbone.insertion import STILL, DriveRequest, Insertion
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.rows import Resistance
+from .bodies.body import STILL, DriveRequest, Insertion
 from .grasps.held import Held, Holding
 from .hold import Pushed, RetreatState, Station
 from .mechanism.field import FieldReading

@@ -47,7 +47,6 @@ class Control:
         every = [arm.p.joints for arm in self.arms]
         joints = Joints.of_all(every)
         T = p.period_s
-        self._curved = [i for i, arm in enumerate(self.arms) if arm.stages.slither is not None]
         self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
         self.limiter = self._limiter_of(())
         self.joint: JointTasks | None = None
@@ -126,7 +125,7 @@ class Control:
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
-        limited = self._limit(before, first, allowed, clear, on, self._curves(before, asked))
+        limited = self._limit(before, first, allowed, clear, on, self._of_bodies(before, asked))
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         limits = (limited,) if len(self.arms) == 1 else tuple(map(limited.of, self.parts))
         self._limited = limited, limits
@@ -148,11 +147,11 @@ class Control:
         allowed: Sequence[Allowed],
         clear: Clear,
         on: Sequence[On],
-        curves: Sequence[Judge],
+        bodies: Sequence[Judge],
     ) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand.
 
-        `curves` judge the stops of arms that follow a curve.
+        `bodies` judge stops by what they keep of their own.
         """
         motion, stop = self._whole(memories)
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
@@ -163,37 +162,31 @@ class Control:
         judges: list[Judge] = []
         if self.allow.guard is not None and clear.watch is not None:
             judges.append(partial(_shortfall, self.allow.guard, clear.watch))
-        judges += curves
+        judges += bodies
         judges += [each.shortfall for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
         dq = joined([granted.dq for granted in allowed])
         return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
 
-    def _curves(
+    def _of_bodies(
         self, memories: Sequence[Memory], asked: Sequence[tuple[ArmReading, Wanted]]
     ) -> list[Judge]:
-        """Return what judges stops of the arms that follow a curve, on all joints."""
+        """Return what judges stops of all joints by what their bodies keep."""
         found = []
-        for i in self._curved:
-            judge = self.arms[i].judge(memories[i], asked[i][0])
-            if judge is not None and len(self.arms) > 1:
-                judge = partial(_of_part, judge, self.parts[i])
+        for arm, part, memory, (seen, _) in zip(
+            self.arms, self.parts, memories, asked, strict=True
+        ):
+            judge = arm.body.stop_constraint(memory.insertion, memory.motion.q, seen.error)
             if judge is not None:
-                found.append(judge)
+                found.append(judge if len(self.arms) == 1 else partial(_of_part, judge, part))
         return found
 
     def _limiter_of(self, groups: tuple[tuple[int, ...], ...]) -> Limiter:
         """Return the limiter of the cell; joints of a group of arms stop in proportion.
 
-        So do those of an arm that follows a curve.
+        So do those that a body synchronizes.
         """
         grouped = {i for group in groups for i in group}
-        groups += tuple((i,) for i in self._curved if i not in grouped)
-        wheels = [
-            [self.parts[i].start, self.parts[i].start + 1]
-            for i, arm in enumerate(self.arms)
-            if arm.stages.rolling is not None
-        ]
         joints = Joints.of_all([arm.p.joints for arm in self.arms])
         every = np.arange(joints.n)
         return Limiter(
@@ -203,7 +196,12 @@ class Control:
             joints.jerk,
             self.arms[0].p.period_s,
             [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups]
-            + wheels,
+            + [
+                every[self.parts[i]][own].tolist()
+                for i, arm in enumerate(self.arms)
+                for own in arm.body.synchronized
+                if i not in grouped
+            ],
             self.parts,
         )
 

@@ -438,7 +438,7 @@ class WallMonitor:
         if self._ticks % self._every or memory is None or q is None:
             return
         self._tell_locked(self._arm.locked_joints(memory))
-        beyond = self._arm.beyond_wall(memory, q)
+        beyond = self._arm.body.beyond_wall(memory.insertion, q)
         if beyond > BEYOND and (not self._told or beyond > self._told + WORSE):
             self._told = beyond
             self._events.warning(

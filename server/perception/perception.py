@@ -36,7 +36,7 @@ class Perception:
         self.passage = Passage.from_cell(cell, events)
         """The contour ahead; None where nobody looks for one."""
         self.collisions = CollisionMonitor(
-            config.touch, arm.p, arm.mechanism, events, arm.stages.slither is not None
+            config.touch, arm.p, arm.mechanism, events, arm.body.on_curve
         )
         self.pressed = PressedTool(config.sources.force.hold_threshold, period_s)
         """Contact of the tool while its joints are commanded themselves."""

@@ -10,7 +10,7 @@ from ..commands.commands import Commands, InForce
 from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
-from ..control.backbone.insertion import STILL, Insertion
+from ..control.bodies.body import STILL
 from ..control.mechanism.joint_rates import NOTHING, Beside, Fold
 from ..control.scene import Moved
 from ..control.spatial import Array, Pose
@@ -297,20 +297,17 @@ class Unit:
             moved.base.T if perception.moving_frames.watching else None,
         )
         asked = commands.in_force(now_s, T_world_mrf)
-        if asked.posture is not None and self.cell.config.mechanism.base is not None:
-            # A posture is the arm's: wheels stay where they are.
-            wheels = memory.motion.q[:2]
-            asked = asked._replace(posture=np.concatenate((wheels, asked.posture[2:])))
+        if asked.posture is not None:
+            asked = asked._replace(posture=self.arm.body.posture(asked.posture, memory.motion.q))
         beside = NOTHING
         if self.ahead is not None and mode is Mode.ENABLED:
             q_command, limits = memory.motion.q, () if self.output is None else self.output.limits
-            rolling = self.arm.mechanism.rolling
             asked, beside = self.ahead.applied(
                 asked,
                 perception.passage,
                 q_command,
                 tick,
-                0.0 if rolling is None else rolling.driven(q_command[:2])[0],
+                self.arm.body.ahead(q_command),
                 cleared=any(name.startswith("clearance") for name in limits),
             )
         return tick_inputs(
@@ -320,10 +317,10 @@ class Unit:
     @property
     def blind(self) -> bool:
         """True while the base goes ahead, and nobody looks there."""
-        rolling, passage = self.arm.mechanism.rolling, self.perception.passage
-        if rolling is None or passage is None or self.memory is None:
+        passage = self.perception.passage
+        if passage is None or self.memory is None:
             return False
-        return passage.blind(rolling.driven(self.memory.motion.dq[:2])[0])
+        return passage.blind(self.arm.body.ahead(self.memory.motion.dq))
 
     def keep(self, tick: int, memory: Memory, output: Output) -> None:
         """Take in what a tick decided."""
@@ -367,19 +364,6 @@ def mrf_in_force(output: Output, commands: Commands) -> Pose:
 
 
 # --- Telemetry of what is driven as a whole: an arm in its tunnels, a base on wheels --------------
-
-
-def told_insertion(arm: Arm, insertion: Insertion | None) -> dict[str, float] | None:
-    """Return where an arm is along its curve; None for a plain arm, and for one off its curve."""
-    slither = arm.stages.slither
-    if slither is None or insertion is None:
-        return None
-    backbone = slither.backbone
-    return {
-        "depth": backbone.depth(insertion),
-        "speed": insertion.speed,
-        "free": float(backbone.chain.n - insertion.beyond),
-    }
 
 
 def described_insertion(part: Cell) -> dict[str, float] | None:

@@ -2,16 +2,27 @@
 
 import math
 from functools import partial
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
-from ..mechanism.joint_rates import Around, JointRates, Resolver, Wish
-from ..mechanism.model import Kinematics
+from ..bodies.body import (
+    Builder,
+    DriveRequest,
+    Environment,
+    Following,
+    Insertion,
+    JointRates,
+    RateRequest,
+    SerialArm,
+)
+from ..mechanism.field import Field
+from ..mechanism.model import Kinematics, Mechanism
 from ..mechanism.redundancy import Redundancy
+from ..parameters import Parameters
 from ..scene import Flags
 from ..spatial import Array
 from ..stop.limiter import Judge
@@ -63,58 +74,6 @@ SLOPE_BY = 0.002
 """Half the way over which such a fit's slope is taken [m]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
-
-
-class DriveRequest(NamedTuple):
-    """How the operator drives the arm as a whole: into its tunnels, or on its wheels."""
-
-    speed: float = 0.0
-    """Of the insertion [m/s]; at most, where it is to a depth. Of a base, ahead."""
-    depth: float | None = None
-    """The tip's way from the entrance to go to [m]; None: at the speed."""
-    turn: float = 0.0
-    """Of a base [rad/s]."""
-    back_only: bool = False
-    """Something in the tunnel pushes the arm: it may withdraw, and do nothing else."""
-
-
-STILL = DriveRequest()
-
-
-class Following(NamedTuple):
-    """Which joints follow their commands: what both were when each joint moved last."""
-
-    commanded: Array
-    """(n,) [rad]"""
-    measured: Array
-    """(n,) [rad]"""
-    locked: Array
-    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
-    stood: Array
-    """How long each has stood (n,) that was asked to move [s]."""
-
-
-class Insertion(NamedTuple):
-    """Where along its curve an arm is."""
-
-    s1: float
-    """Free length, base to entrance [m]."""
-    q: Array
-    """The fit there (n,) [rad]."""
-    rates: Array
-    """∂q/∂s1 of the fit (n,) [rad/m]."""
-    speed: float
-    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
-    beyond: int
-    """The first joint that is beyond the exit; n for none."""
-    following: Following | None = None
-    """None before the joints were looked at."""
-
-    @property
-    def locked(self) -> Array | None:
-        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
-        known = self.following
-        return None if known is None or np.isnan(known.locked).all() else known.locked
 
 
 class Backbone:
@@ -397,53 +356,47 @@ WORSE = 1e-4
 """A stop may be off the tunnel's centre line by so much more than the arm is now [m]."""
 
 
-class Slid(NamedTuple):
-    """Joint rates of an arm on its curve."""
+class BackboneArm(SerialArm):
+    """An arm whose joints follow a curve: a twist inserts it, or moves its tail."""
 
-    found: JointRates
-    insertion: Insertion | None
-    together: bool
-    """The joints follow the curve, and none makes up for another."""
-    limits: tuple[str, ...]
-
-
-class Slither:
-    """Turns a twist of the tool into the joint rates of one arm with a backbone."""
+    on_curve = True
 
     def __init__(
         self,
         backbone: Backbone,
-        resolver: Resolver,
+        p: Parameters,
+        mechanism: Mechanism,
         redundancy: Redundancy,
-        rank: int,
-        names: tuple[str, ...],
+        field: Field,
     ) -> None:
-        self.backbone, self._names = backbone, names
-        self._resolver, self._redundancy, self._rank = resolver, redundancy, rank
+        """Build it."""
+        super().__init__(p, mechanism, redundancy, field)
+        self.backbone = backbone
+        self.synchronized = (slice(0, p.joints.n),)
+        self.relief[:] = 0.0
+        self._names, self._rank = p.joints.names, mechanism.rank
+
+    @classmethod
+    def builder(cls, cell: Cell) -> Builder | None:
+        """Return what builds it for a cell with a backbone. Raises `ConfigError`."""
+        backbone = Backbone.from_cell(cell)
+        return None if backbone is None else partial(cls, backbone)
 
     def rates(
-        self,
-        q: Array,
-        k: Kinematics,
-        wish: Wish,
-        around: Around,
-        before: Insertion | None,
-        drive: DriveRequest,
-        moving: bool,
-        following: tuple[Array, Array] | None,
-    ) -> Slid:
+        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
+    ) -> JointRates:
         """Return joint rates at the commanded posture q (n,), whose kinematics are `k`.
 
-        `before` is where the arm was a tick ago; `drive` is the operator's,
-        of an arm that is `moving`, and does not only give way. `following` are the joints (n,)
-        as commanded and as measured at one instant [rad]. One with a joint that is locked may
-        withdraw, and nothing else.
+        An arm with a joint that is locked may withdraw, and nothing else.
         """
-        insertion = self.backbone.followed(before, q, following)
+        if request.seeding:
+            return self._along(np.zeros(len(q)), None, ())
+        drive = request.drive
+        insertion = self.backbone.followed(request.insertion, q, request.following)
         if insertion is None:
-            return Slid(self._none(np.zeros(len(q))), None, True, ("off_backbone",))
-        if moving:
-            insertion = self.backbone.ramped(insertion, drive, wish.speed_factor)
+            return self._along(np.zeros(len(q)), None, ("off_backbone",))
+        if request.moving:
+            insertion = self.backbone.ramped(insertion, drive, request.speed_factor)
         else:
             insertion = insertion._replace(speed=0.0)
         free, locked = len(q) - insertion.beyond, insertion.locked
@@ -452,57 +405,77 @@ class Slither:
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
         if free > self._rank and not driven and not back_only:
-            return self._tail(q, k, wish, around, insertion)
+            return self._tail(q, k, request, environment, insertion)
         head = self.backbone.head(q)
-        twist = float(head @ wish.twist[:3]) if free <= self._rank else 0.0
+        twist = float(head @ request.twist[:3]) if free <= self._rank else 0.0
         share = 1.0
-        if around.wrench is not None:
-            push = k.T_world_mrf.R @ around.wrench[:3]
+        if environment.wrench is not None:
+            push = k.T_world_mrf.R @ environment.wrench[:3]
             share = self.backbone.gives_way(insertion.speed, push, head)
         forward, granted = twist + insertion.speed, twist + share * insertion.speed
         if back_only:
             granted = min(0.0, granted)
         dq, speed = self.backbone.rates(insertion, q, granted)
-        if not wish.spare and abs(speed) < STANDS:
+        if not request.spare and abs(speed) < STANDS:
             dq = np.zeros(len(q))
         slowed = abs(speed) < SLOWED * abs(forward) and abs(forward) > STANDS
         limits: tuple[str, ...] = ("insertion_speed",) if slowed else ()
         if locked is not None:
             limits += tuple(f"locked:{self._names[i]}" for i in np.flatnonzero(~np.isnan(locked)))
-        return Slid(self._none(dq), insertion, True, limits)
+        return self._along(dq, insertion, limits)
 
-    def off_walls(self, insertion: Insertion | None, q: Array, error: Array, dq: Array) -> float:
-        """Return what share (0 to 1) of joint rates dq (n,) keeps the measured links off walls.
-
-        At joints q (n,) that are `error` (n,) ahead of the measured ones [rad].
-        """
-        return 1.0 if insertion is None else self.backbone.kept_off(insertion, q, error, dq)
-
-    def at_rest(self, q: Array) -> Slid:
-        """Return what an arm does whose drives are off, at joints q (n,)."""
-        return Slid(self._none(np.zeros(len(q))), None, True, ())
+    def _along(self, dq: Array, insertion: Insertion | None, limits: tuple[str, ...]) -> JointRates:
+        """Return rates dq (n,) along the curve, where no joint makes up for another."""
+        found = self._resolver.none(dq)
+        return found._replace(limits=limits, synchronized=True, insertion=insertion)
 
     def _tail(
-        self, q: Array, k: Kinematics, wish: Wish, around: Around, insertion: Insertion
-    ) -> Slid:
+        self,
+        q: Array,
+        k: Kinematics,
+        request: RateRequest,
+        environment: Environment,
+        insertion: Insertion,
+    ) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
-        J = k.J.copy()
-        J[:, : insertion.beyond] = 0.0
-        found = self._resolver.rates(q, k._replace(J=J), wish, around)
+        J, inside = k.J.copy(), insertion.beyond
+        J[:, :inside] = 0.0
+        found = self._resolver.rates(q, k._replace(J=J), request, environment)
         dq = found.dq.copy()
-        dq[: insertion.beyond] = 0.0
-        return Slid(found._replace(dq=dq), insertion._replace(speed=0.0), False, ())
+        dq[:inside] = 0.0
+        return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)
 
-    def _none(self, dq: Array) -> JointRates:
-        return JointRates(dq, self._redundancy.none(), math.nan, False, None, None)
+    def wall_scale(self, found: JointRates, q: Array, error: Array, dq: Array) -> float:
+        """Return the share of rates dq (n,) along the curve that keeps measured links off walls."""
+        if found.insertion is None or not found.synchronized:
+            return 1.0
+        return self.backbone.kept_off(found.insertion, q, error, dq)
 
-    def judge(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
-        """Return what judges stops of an arm that is on its curve, `error` (n,) ahead [rad]."""
+    def arrived(self, insertion: Insertion | None, drive: DriveRequest) -> bool | None:
+        """Return whether the tip is at the depth that a drive leads it to, if it does."""
+        if drive.depth is None:
+            return None
+        return insertion is not None and self.backbone.arrived(insertion, drive)
+
+    def beyond_wall(self, insertion: Insertion | None, q: Array) -> float:
+        """Return how far links at joints q (n,) stand beyond the walls of their tunnel [m]."""
+        return self.backbone.beyond_wall(insertion, q)
+
+    def telemetry(self, insertion: Insertion | None) -> dict[str, float] | None:
+        """Return where the arm is along its curve; None off it."""
         if insertion is None:
             return None
-        return partial(self.shortfall, insertion, q, error)
+        return {
+            "depth": self.backbone.depth(insertion),
+            "speed": insertion.speed,
+            "free": float(self.backbone.chain.n - insertion.beyond),
+        }
 
     # --- the promise along a stop --------------------------------------------------------------
+
+    def stop_constraint(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
+        """Return what judges stops of an arm that is on its curve."""
+        return None if insertion is None else partial(self.shortfall, insertion, q, error)
 
     def shortfall(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
         """Return by how much a stop brings links too near to the walls [m]; 0 for not.

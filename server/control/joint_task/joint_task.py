@@ -12,10 +12,10 @@ from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm
 from ..asking import ArmReading, Wanted, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
+from ..bodies.body import Environment
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import Held, Holding
 from ..grasps.views import apart, mean_of
-from ..mechanism.joint_rates import Around
 from ..mechanism.model import Kinematics, at_mrf
 from ..mechanism.redundancy import ObjectiveGains
 from ..mechanism.wrench import WristMemory
@@ -508,7 +508,7 @@ class JointTask:
             given,
             of.kinematics,
             of.kinematics.T_world_wrist.R @ (arm.p.T_wrist_tool.p - given.settings.T_wrist_mrf.p),
-            Around(given.scene, None, None, None),
+            Environment(given.scene),
         )
         wanted = wanted._replace(
             twists={**twists, "force": tuned.way},

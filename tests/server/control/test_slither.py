@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.backbone.insertion import STILL, DriveRequest
+from telerobot.server.control.bodies.body import STILL, DriveRequest
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.server.control.state import Inputs, Intent, Settings
 from telerobot.server.control.stop.trajectory import Stop
@@ -29,7 +29,7 @@ class Snake:
 
     def __post_init__(self):
         self.control = Control.of(load_cell(self.name))
-        self.backbone = self.control.arms[0].stages.slither.backbone
+        self.backbone = self.control.arms[0].body.backbone
         lengths = self.backbone.lengths
         near = self.backbone.section.start if self.s1 is None else self.s1
         q = self.backbone.fits[int(np.abs(lengths - near).argmin())]
@@ -101,16 +101,16 @@ def test_its_joints_stop_in_proportion():
 
 def test_what_a_joint_lags_is_taken_off_the_room():
     snake = Snake("snake", 1.0)
-    slither = snake.control.arms[0].stages.slither
+    body = snake.control.arms[0].body
     snake.step()
     insertion, lag, aside = snake.memory.insertion, np.zeros(30), snake.q.copy()
     aside[25] -= 0.02  # the tip is 5 mm aside
     stop = Stop.at_rest(aside)
     points = snake.backbone.chain.points(aside[None])
     assert snake.off() + 0.001 < snake.backbone.off_centre(points, insertion.s1)
-    assert slither.shortfall(insertion, snake.q, lag, stop) == 0.0
+    assert body.shortfall(insertion, snake.q, lag, stop) == 0.0
     lag[20] = 0.02  # half a metre of arm beyond it: 10 mm
-    assert slither.shortfall(insertion, snake.q, lag, stop) > 0.0005
+    assert body.shortfall(insertion, snake.q, lag, stop) > 0.0005
 
 
 def test_at_the_ends_of_its_way_it_slows_down_and_says_so():

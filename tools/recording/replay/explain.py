@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ....config.load import Cell
-from ....server.control.backbone.insertion import STILL
+from ....server.control.bodies.body import STILL
 from ....server.control.spatial import Array
 from ....server.control.state import Inputs, Memory, Output
 from .replay import Replayed

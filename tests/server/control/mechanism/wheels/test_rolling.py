@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.mechanism.joint_rates import Around, Wish
+from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.wheels import Rolled, Rolling
@@ -91,10 +91,9 @@ def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_t
         k = arm.mechanism.kinematics(q, mrf, base)
         e = pose_error(target, k.T_world_mrf)
         first = sizes(e) if first is None else first
-        wish = Wish(K * e, np.zeros(3), stages.redundancy.objectives, 1.0, True, None, True)
-        around = Around(None, None, base, None)
-        found, led = stages.rolling.rates(q, k, wish, around, False, np.zeros(2))
-        assert not led
+        request = RateRequest(K * e, np.zeros(3), stages.redundancy.objectives, 1.0, spare=True)
+        found = arm.body.rates(q, k, request, Environment(T_world_base=base))
+        assert not found.wheels_commanded
         q = q + dt * found.dq
         base = ROLLING.roll(base, q[:2])
     left = sizes(pose_error(target, arm.mechanism.pose_wrist(q, base) @ mrf))
@@ -109,11 +108,10 @@ def test_self_motion_of_base_and_arm_does_not_move_the_tool(arm):
     base = Rolled.at(Pose(rotation_rpy(0.0, 0.0, 0.8), np.array([1.0, 2.0, 0.0])), q[:2])
     k = arm.mechanism.kinematics(q, mrf, base)
     for twist in ([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.05, 0.02, 0.0, 0.1, 0.2]):
-        wish = Wish(
-            np.array(twist), np.zeros(3), stages.redundancy.objectives, 1.0, True, None, True
+        request = RateRequest(
+            np.array(twist), np.zeros(3), stages.redundancy.objectives, 1.0, spare=True
         )
-        around = Around(None, None, base, None)
-        found, _ = stages.rolling.rates(q, k, wish, around, False, np.zeros(2))
+        found = arm.body.rates(q, k, request, Environment(T_world_base=base))
         assert k.J @ found.dq == pytest.approx(twist, abs=1e-12)
         assert np.linalg.norm(found.self_motion.dq[:2]) > 1e-3
         assert k.J @ found.self_motion.dq == pytest.approx(np.zeros(6), abs=1e-12)
@@ -124,14 +122,17 @@ def test_a_driven_base_goes_as_told_and_the_arm_keeps_the_tool_in_world(arm):
     q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
     base = Rolled.at(Pose.identity(), q[:2])
     k, twist = arm.mechanism.kinematics(q, mrf, base), np.array([0.0, 0.02, 0.0, 0.0, 0.0, 0.1])
-    wish = Wish(twist, np.zeros(3), stages.redundancy.objectives, 1.0, True, None, False)
-    around, wheels = Around(None, None, base, None), ROLLING.wheels(0.2, 0.1)
-    found, led = stages.rolling.rates(q, k, wish, around, False, wheels)
-    assert led
+    request = RateRequest(
+        twist, np.zeros(3), stages.redundancy.objectives, 1.0, spare=True,
+        drive=DriveRequest(speed=0.2, turn=0.1),
+    )  # fmt: skip
+    around, wheels = Environment(T_world_base=base), ROLLING.wheels(0.2, 0.1)
+    found = arm.body.rates(q, k, request, around)
+    assert found.wheels_commanded
     assert found.dq[:2] == pytest.approx(wheels)
     assert k.J @ found.dq == pytest.approx(twist, abs=1e-9)
     # Relative to Base the arm does the same whatever the base does.
-    carried, _ = stages.rolling.rates(q, k, wish, around, True, wheels)
+    carried = arm.body.rates(q, k, request._replace(relative_to_base=True), around)
     assert carried.dq[:2] == pytest.approx(wheels)
     assert k.J[:, 2:] @ carried.dq[2:] == pytest.approx(twist, abs=1e-9)
 

@@ -1,0 +1,322 @@
+"""What a kind of body does in its own way, and a serial arm whose foot stands.
+
+Tick, units, perception and telemetry ask a body, and never which kind it is. A new kind overrides
+what it does otherwise, and gets its row in `arm.py`.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ....config.load import Cell
+from ..mechanism.field import Field, FieldReading, shifted
+from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.redundancy import Near, ObjectiveGains, Redundancy, SelfMotion
+from ..mechanism.resolution import Resolved, Travel, resolve
+from ..parameters import Parameters
+from ..proximity.capsules import Placed
+from ..scene import Scene
+from ..spatial import Array, Pose, jacobian_at, twist_at
+from ..stop.limiter import Judge
+
+# --- What a body is asked for, and what it answers ------------------------------------------------
+
+
+class DriveRequest(NamedTuple):
+    """How the operator drives the arm as a whole: into its tunnels, or on its wheels."""
+
+    speed: float = 0.0
+    """Of the insertion [m/s]; at most, where it is to a depth. Of a base, ahead."""
+    depth: float | None = None
+    """The tip's way from the entrance to go to [m]; None: at the speed."""
+    turn: float = 0.0
+    """Of a base [rad/s]."""
+    back_only: bool = False
+    """Something in the tunnel pushes the arm: it may withdraw, and do nothing else."""
+
+
+STILL = DriveRequest()
+
+
+class Following(NamedTuple):
+    """Which joints follow their commands: what both were when each joint moved last."""
+
+    commanded: Array
+    """(n,) [rad]"""
+    measured: Array
+    """(n,) [rad]"""
+    locked: Array
+    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
+    stood: Array
+    """How long each has stood (n,) that was asked to move [s]."""
+
+
+class Insertion(NamedTuple):
+    """Where along its curve an arm is."""
+
+    s1: float
+    """Free length, base to entrance [m]."""
+    q: Array
+    """The fit there (n,) [rad]."""
+    rates: Array
+    """∂q/∂s1 of the fit (n,) [rad/m]."""
+    speed: float
+    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
+    beyond: int
+    """The first joint that is beyond the exit; n for none."""
+    following: Following | None = None
+    """None before the joints were looked at."""
+
+    @property
+    def locked(self) -> Array | None:
+        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
+        known = self.following
+        return None if known is None or np.isnan(known.locked).all() else known.locked
+
+
+class RateRequest(NamedTuple):
+    """The motion that a body is asked for."""
+
+    twist: Array
+    """Of its MRF, World axes (6,) [m/s, rad/s]."""
+    lever: Array
+    """From the MRF to the point of the tool at which singularities are judged (3,) [m]."""
+    objectives: ObjectiveGains
+    """Gains of the redundancy objectives."""
+    speed_factor: float
+    spare: bool
+    """Spare joints may move."""
+    off_path: Array | None = None
+    """Where the virtual link has the tool off its path, in World (3,) [m]."""
+    on_way: bool = False
+    """The tool is led along a path, which the virtual link may let it leave."""
+    moving: bool = True
+    """The arm may move, and does not only give way."""
+    seeding: bool = False
+    """Its drives are off: it is at rest where its joints are."""
+    relative_to_base: bool = False
+    """The tool's motion is relative to Base, not to World."""
+    drive: DriveRequest = STILL
+    insertion: Insertion | None = None
+    """Where along its curve it was a tick ago."""
+    following: tuple[Array, Array] | None = None
+    """Joints (n,) as commanded and as measured at one instant [rad]."""
+
+
+class Environment(NamedTuple):
+    """Surroundings of a body."""
+
+    scene: Scene | None = None
+    near: Near | None = None
+    """Obstacles near its control points; None in a cell without any."""
+    T_world_base: Pose | None = None
+    """Where a Base that moves is; None: Base stands."""
+    placed: Placed | None = None
+    """Its capsules at the commanded posture, where they are known already."""
+    wrench: Array | None = None
+    """Wrench that it exerts, at and in the MRF (6,) [N, N·m]; None where that is not known."""
+
+
+class JointRates(NamedTuple):
+    """Joint rates that do what a body is asked for."""
+
+    dq: Array
+    """(n,) [rad/s]."""
+    self_motion: SelfMotion
+    sigma_min: float = math.nan
+    limits: tuple[str, ...] = ()
+    """What takes something off the twist, by the limit's name."""
+    field: FieldReading | None = None
+    """The potential field; None where nothing follows it."""
+    give_way: Array | None = None
+    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    synchronized: bool = False
+    """The joints follow a curve: one that is held up holds up all."""
+    wheels_commanded: bool = False
+    """Wheels go as they are driven: barriers may slow them, together, and nothing else."""
+    insertion: Insertion | None = None
+    """Where along its curve the arm is."""
+    n_locked: int = 0
+    """So many joints, the first ones, stand."""
+
+
+# --- Joint rates of a twist, and what spare joints do beside --------------------------------------
+#
+# It knows no sources: one twist goes in, whoever asked for it. Joints may share the work unequally
+# (Zhang et al. 2013, eq. 8, weighted): with D their shares, J_W⁺ = D (J D)⁺, and P = 1 − J_W⁺ J is
+# an oblique projector.
+
+
+class Shares(NamedTuple):
+    """How the joints share the work of a twist."""
+
+    rank: int
+    """So many axes are reached anywhere."""
+    D: Array | None = None
+    """The shares (n,) [1]; None: 1 each."""
+
+
+class Resolver:
+    """Turns twists of one mechanism's tool into joint rates."""
+
+    def __init__(
+        self,
+        p: Parameters,
+        redundancy: Redundancy,
+        field: Field,
+        rank: int,
+        own: Array | None = None,
+    ) -> None:
+        """Build it; `rank` is how many axes the mechanism reaches anywhere.
+
+        `own` (n,) is 1 for joints of whose motion redundancy objectives know, and 0 for others;
+        None: they know of all.
+        """
+        self._lower, self._upper, self._section = p.joints.lower, p.joints.upper, p.resolve
+        self._redundancy, self._field, self._priority = redundancy, field, p.priority
+        self._even, self._own = Shares(rank), own
+
+    def none(self, dq: Array) -> JointRates:
+        """Return joint rates (n,) that nothing was resolved for."""
+        return JointRates(dq, self._redundancy.none())
+
+    def rates(
+        self,
+        q: Array,
+        k: Kinematics,
+        request: RateRequest,
+        environment: Environment,
+        shares: Shares | None = None,
+    ) -> JointRates:
+        """Return joint rates at the commanded posture q (n,) [rad], whose kinematics are `k`."""
+        shares = self._even if shares is None else shares
+        k, D = judged_at(k, request.lever), shares.D
+        seen = None
+        if request.spare:
+            seen = self._field.look(
+                q, k, environment.scene, request.objectives,
+                environment.T_world_base, environment.placed,
+            )  # fmt: skip
+        give_way = self._field.give_way(
+            seen, request.off_path, request.on_way, request.speed_factor
+        )
+        task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares)
+        dq, self_motion, felt = task.dq, self._redundancy.none(), None
+        if request.spare:
+            plain, J = task.null, k.J if self._own is None else self._own * k.J
+            near = None if self._priority is None else environment.near
+            if D is not None and (seen is not None or near is not None):
+                plain = np.linalg.qr((task.null * D).T)[0].T
+            downhill, felt = self._field.self_motion(seen, plain)
+            outside = {} if downhill is None else {"field": downhill}
+            if self._priority is not None and near is not None:
+                outside["spheres"] = self._priority.rates(near, plain)
+            self_motion = self._redundancy.rate(
+                q, J, dq, task.null, request.objectives, request.speed_factor, outside, D
+            )
+            dq = dq + self_motion.dq
+        limits = ("singularity",) if task.singular else ()
+        return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)
+
+    def resolve(self, q: Array, J: Array, twist: Array, lever: Array, shares: Shares) -> Resolved:
+        """Resolve a twist (6,) of the MRF; J (6, n) is at the point that `lever` leads to."""
+        if np.count_nonzero(lever) > 0:
+            twist = twist_at(twist, lever)
+        down, up, (rank, D) = q - self._lower, self._upper - q, shares
+        if D is None:
+            return resolve(J, twist, self._section, Travel(down, up), rank)
+        task = resolve(J * D, twist, self._section, Travel(down / D, up / D), rank)
+        return task._replace(dq=D * task.dq)
+
+
+def judged_at(k: Kinematics, lever: Array) -> Kinematics:
+    """Return kinematics at the point of the tool that `lever` (3,) leads to from the MRF [m].
+
+    A new MRF brings no singularity nearer: they are judged at the same point of the tool.
+    """
+    if np.count_nonzero(lever) == 0:
+        return k
+    there = Pose(k.T_world_mrf.R, k.T_world_mrf.p + lever)
+    return Kinematics(k.T_world_wrist, there, jacobian_at(k.J, lever))
+
+
+# --- Bodies ---------------------------------------------------------------------------------------
+
+
+class SerialArm:
+    """A serial arm whose foot stands; every other kind says what it does otherwise.
+
+    Joints are (n,) [rad], as they are commanded where nothing else is said.
+    """
+
+    synchronized: tuple[slice, ...] = ()
+    """Joints that stop in proportion, as one."""
+    on_curve = False
+    """It goes along its curve and nowhere else; so it gives way, too."""
+
+    def __init__(
+        self, p: Parameters, mechanism: Mechanism, redundancy: Redundancy, field: Field
+    ) -> None:
+        """Build it."""
+        self._resolver = Resolver(p, redundancy, field, mechanism.rank)
+        self.relief = p.joints.acceleration.copy()
+        """How much each joint (n,) does of relieving contact."""
+
+    @classmethod
+    def builder(cls, cell: Cell) -> "Builder | None":
+        """Return what builds the body of a cell's mechanism; None for one of another kind.
+
+        Raises `ConfigError`.
+        """
+        return cls
+
+    def rates(
+        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
+    ) -> JointRates:
+        """Return joint rates that do what is asked for, at joints q, whose kinematics are `k`."""
+        return self._resolver.rates(q, k, request, environment)
+
+    def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
+        """Return joint rates (n,) towards a posture, and beside them what an operator drives."""
+        return rates
+
+    def posture(self, posture: Array, q: Array) -> Array:
+        """Return where joints q are to go for a posture that is asked for: the arm's alone."""
+        return posture
+
+    def ahead(self, q: Array) -> float:
+        """Return how far joints q take the base ahead [m]; for their rates, how fast [m/s]."""
+        return 0.0
+
+    def path(self, k: Kinematics, relative_to_base: bool) -> Array | None:
+        """Return the Jacobian (6, n) of the path that barriers spare; None: that of the tool."""
+        return None
+
+    def wall_scale(self, found: JointRates, q: Array, error: Array, dq: Array) -> float:
+        """Return the share (0 to 1) of rates dq (n,) that keeps the measured links off walls.
+
+        Joints q are `error` (n,) ahead of the measured ones.
+        """
+        return 1.0
+
+    def stop_constraint(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
+        """Return what judges stops of joints q, `error` (n,) ahead; None: nothing of its own."""
+        return None
+
+    def arrived(self, insertion: Insertion | None, drive: DriveRequest) -> bool | None:
+        """Return whether a drive is where it leads to; None for one that leads nowhere."""
+        return None
+
+    def beyond_wall(self, insertion: Insertion | None, q: Array) -> float:
+        """Return how far links at joints q stand beyond the walls around them [m]; 0 for not."""
+        return 0.0
+
+    def telemetry(self, insertion: Insertion | None) -> dict[str, float] | None:
+        """Return where the body is along its curve; None for one that is on none."""
+        return None
+
+
+Builder = Callable[[Parameters, Mechanism, Redundancy, Field], SerialArm]
+"""Builds the body of one mechanism."""

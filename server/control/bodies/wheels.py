@@ -1,0 +1,137 @@
+"""An arm on a base that rolls: one redundant mechanism of wheels and arm.
+
+Zhang et al. 2013, eqs. 7 and 8, weighted: η = J_W⁺ ẋ + P z with ẋ = ẋ_d + K (x_d − x), in which the
+error is added (in print its sign is wrong). The wheels' share D of the work goes from 0, where the
+arm works alone, to the cell's `weight`.
+
+Relative to Base the arm works alone, and the base goes as it is driven. Relative to World an
+operator's drive is z, which the arm answers, so that the tool stands or goes on as asked while the
+base drives past below. Without a drive the base follows a tool that is asked to go.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from ....config.load import Cell
+from ....config.schema.mechanism import DifferentialBaseSection
+from ..mechanism.field import Field, shifted
+from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.redundancy import Redundancy
+from ..parameters import Parameters
+from ..spatial import Array, sizes, twist_at
+from ..wheels import Rolling
+from .body import (
+    Builder,
+    DriveRequest,
+    Environment,
+    JointRates,
+    RateRequest,
+    Resolver,
+    SerialArm,
+    Shares,
+    judged_at,
+)
+
+CREEPS, GOES = 0.005, 0.02
+"""A tool that is asked for less than the first is the arm's alone; from the second on the base
+follows in full, and in between in part [m/s]."""
+STANDING = 1e-6
+"""Share of the work of wheels that stand [1]: no division by zero."""
+RESIDUE = 1e-9
+"""A remainder of a twist below this is rounding [m/s, rad/s]."""
+WHEELS = slice(0, 2)
+"""Where the wheels are among the joints."""
+
+
+class WheeledArm(SerialArm):
+    """An arm on two driven wheels, which turn together along an arc."""
+
+    synchronized = (WHEELS,)
+
+    def __init__(
+        self,
+        section: DifferentialBaseSection,
+        p: Parameters,
+        mechanism: Mechanism,
+        redundancy: Redundancy,
+        field: Field,
+    ) -> None:
+        """Build it."""
+        super().__init__(p, mechanism, redundancy, field)
+        n = p.joints.n
+        self._arm_only, self._alone, self._with = np.ones(n), np.ones(n), np.ones(n)
+        self._arm_only[WHEELS], self._alone[WHEELS] = 0.0, STANDING
+        self._with[WHEELS] = section.weight
+        self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
+        self._ranks = mechanism.arm_rank, mechanism.rank
+        self._rolling = Rolling(section.wheels.radius, section.wheels.track)
+        self._most, self._length = p.joints.velocity[WHEELS], p.resolve.characteristic_length
+        self.relief[WHEELS] = 0.0
+
+    @classmethod
+    def builder(cls, cell: Cell) -> Builder | None:
+        """Return what builds it for a cell with a base on wheels."""
+        base = cell.config.mechanism.base
+        return None if base is None else partial(cls, base)
+
+    def driven(self, drive: DriveRequest, factor: float) -> Array:
+        """Return the wheels' rates (2,) [rad/s] of a drive, on its arc inside their speed bounds.
+
+        `factor` is the reduced-speed setting.
+        """
+        rates = self._rolling.wheels(factor * drive.speed, factor * drive.turn)
+        return np.asarray(rates / max(1.0, float((np.abs(rates) / (factor * self._most)).max())))
+
+    def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
+        """Return joint rates (n,) with those of driven wheels."""
+        rates = rates.copy()
+        rates[WHEELS] = self.driven(drive, factor)
+        return rates
+
+    def posture(self, posture: Array, q: Array) -> Array:
+        """Return a posture (n,) of the arm with the wheels as they are."""
+        return np.concatenate((q[WHEELS], posture[2:]))
+
+    def ahead(self, q: Array) -> float:
+        """Return how far wheels have rolled ahead [m]; of rates, how fast they roll [m/s]."""
+        return self._rolling.driven(q[WHEELS])[0]
+
+    def path(self, k: Kinematics, relative_to_base: bool) -> Array:
+        """Return the Jacobian (6, n) of what the tool does relative to Base, or to World."""
+        return self._arm_only * k.J if relative_to_base else k.J
+
+    def rates(
+        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
+    ) -> JointRates:
+        """Return rates of wheels and arm at the commanded posture q (n,) [rad]."""
+        wheels, on_base = np.zeros(2), request.relative_to_base or not request.moving
+        if request.moving:
+            wheels = self.driven(request.drive, request.speed_factor)
+        driven = bool(np.count_nonzero(wheels))
+        twist, part = request.twist, 0.0
+        if not (on_base or driven) and request.spare:
+            v, w = sizes(twist_at(twist, request.lever))
+            speed = max(v, w * self._length)
+            part = min(1.0, max(0.0, (speed - CREEPS) / (GOES - CREEPS)))
+        if driven and not on_base:
+            twist = twist - k.J[:, WHEELS] @ wheels
+            request = request._replace(twist=twist)
+        D = self._alone.copy()
+        D[WHEELS] = max(STANDING, part * self._with[0])
+        alone = bool(D[0] == STANDING)
+        shares = Shares(self._ranks[1] if part > 0.0 else self._ranks[0], D)
+        found = self._resolver.rates(q, k, request, environment, shares)
+        if not alone:
+            return found
+        dq = found.dq
+        dq[WHEELS] = 0.0
+        left = shifted(twist, found.give_way) - k.J @ dq
+        dq[WHEELS] = wheels
+        if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
+            return found._replace(wheels_commanded=True)
+        # The arm cannot answer the drive: the base goes no further than the tool allows.
+        J = judged_at(k, request.lever).J
+        shares = Shares(self._ranks[1], self._with)
+        rest = self._resolver.resolve(q, J, left, request.lever, shares)
+        return found._replace(dq=dq + rest.dq, limits=("singularity",))
