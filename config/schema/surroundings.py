@@ -125,6 +125,19 @@ class WorkspaceSection(Section):
         return self
 
 
+class ToolPlaneSection(Section):
+    """A plane of World that the MRF stays above, as a table's or a tilted floor's."""
+
+    point: Vector3 = Field(description="any point of it [m]")
+    normal: Vector3 = Field((0.0, 0.0, 1.0), description="which side is above, of any length [1]")
+
+    @model_validator(mode="after")
+    def _has_a_side(self) -> "ToolPlaneSection":
+        if not any(self.normal):
+            raise ValueError("'normal' must not be zero")
+        return self
+
+
 class AvoidanceSection(Section):
     """Clearances that are kept as barriers, and that the verified stop covers."""
 
@@ -154,6 +167,9 @@ class AvoidanceSection(Section):
     )
     workspace: WorkspaceSection | None = Field(
         None, description="where the MRF stays; none: everywhere"
+    )
+    tool_planes: tuple[ToolPlaneSection, ...] = Field(
+        (), max_length=16, description="planes that the MRF stays above, in its stops, too"
     )
     capsules: tuple[LinkCapsuleSection, ...] = Field(
         (), max_length=64, description="shape of links that have none in the URDF, or more of it"

@@ -65,15 +65,16 @@ class Rows(NamedTuple):
 
 
 class Walled(NamedTuple):
-    """The tool between walls; their slopes are the first three rows of J, and those negated."""
+    """The tool and the walls around it, planes that its MRF stays above."""
 
     J: Array
     """Jacobian of the MRF (6, n)."""
     p: Array
     """Where it is (3,) [m]."""
-    low: Array
-    """Where it has no room left (3,) [m], or (0,): there are no walls."""
-    high: Array
+    normals: Array
+    """Of the walls, to their free side (w, 3)."""
+    heights: Array
+    """Along these, where it has no room left (w,) [m]."""
 
 
 class Braking:
@@ -101,23 +102,23 @@ class Braking:
         """Return the barriers of gaps with slopes (k, n) and room (k,) [m].
 
         `closing` are the speeds (k,) [m/s] at which the other side may come nearer, and at which it
-        comes and is made way for. Then those of the walls, low ones first. With `widen`, a gap
+        comes and is made way for. Then those of the walls. With `widen`, a gap
         beyond its bound is widened gently; else it just does not close.
         """
         acceleration, lag = self.acceleration, self.lag(factor)
-        count, n = len(slopes) + 2 * len(tool.low), len(acceleration)
+        count, n = len(slopes) + len(tool.heights), len(acceleration)
         found = Rows(np.empty((count, n)), np.empty(count))
         _damp(slopes, room, *closing, *tool, acceleration, factor, lag, widen, *found)
         return found
 
 
 @compiled(
-    MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR,
+    MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR,
     NUMBER, NUMBER, FLAG, TABLE, ROW,
 )  # fmt: skip
 def _damp(
     gaps: Array, room: Array, closing: Array, coming: Array,
-    J: Array, p: Array, low: Array, high: Array,
+    J: Array, p: Array, normals: Array, heights: Array,
     acceleration: Array, factor: float, lag: float, widen: bool, slopes: Array, least: Array,
 ) -> None:  # fmt: skip
     """Write slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
@@ -126,16 +127,15 @@ def _damp(
     has the deceleration that is counted on; `factor` times `acceleration` (n,) is the joints'.
     """
     k, n = gaps.shape
-    m = k + 2 * len(low)
+    m = k + len(heights)
     for i in range(m):
         if i < k:
             slopes[i], left, comes, u = gaps[i], room[i], closing[i], coming[i]
         else:
-            axis = (i - k) % 3
-            down, comes, u = i < k + 3, 0.0, 0.0
-            left = p[axis] - low[axis] if down else high[axis] - p[axis]
+            x, y, z = normals[i - k]
+            left, comes, u = x * p[0] + y * p[1] + z * p[2] - heights[i - k], 0.0, 0.0
             for j in range(n):
-                slopes[i, j] = J[axis, j] if down else -J[axis, j]
+                slopes[i, j] = x * J[0, j] + y * J[1, j] + z * J[2, j]
         size2, slowest = 0.0, 1e-12
         for j in range(n):
             size2 += slopes[i, j] * slopes[i, j]
@@ -164,7 +164,7 @@ def _break(A: Array, low: Array, dq: Array, broken: Flags) -> int:
     return count
 
 
-# --- The box that the tool's MRF stays in: six walls, each a gap like any other -------------------
+# --- Where the tool's MRF stays: the six walls of a box, and planes, each a gap like any other ----
 
 BETWEEN: Final = 0.002
 """Kept from a wall for what a path dips between two looks at a stop [m]."""
@@ -185,37 +185,41 @@ class Walls:
 
     def __init__(self, cell: Cell, capsules: Capsules) -> None:
         """Build that of one mechanism's tool; `cell` is the cell of it alone."""
-        workspace = cell.config.avoidance.workspace
-        self.given = workspace is not None
-        margin, none = cell.config.avoidance.margin, np.zeros(0)
+        avoidance, each = cell.config.avoidance, []
+        if (box := avoidance.workspace) is not None:
+            each += list(zip(np.eye(3), box.low, strict=True))
+            each += [(-axis, -x) for axis, x in zip(np.eye(3), box.high, strict=True)]
+        for plane in avoidance.tool_planes:
+            normal = np.array(plane.normal) / math.hypot(*plane.normal)
+            each.append((normal, float(normal @ plane.point)))
+        self.given = bool(each)
+        self._normals = np.array([normal for normal, _ in each]).reshape(-1, 3)
+        self._heights = np.array([height for _, height in each], dtype=np.float64)
+        self._barriers = self._heights + avoidance.margin
         self._capsules = capsules
-        self._low, self._high = none, none
-        if workspace is not None:
-            self._low, self._high = np.array(workspace.low), np.array(workspace.high)
-        self._low_barrier, self._high_barrier = self._low + margin, self._high - margin
         tip = f"{cell.prefix}{cell.config.mechanism.tip_link}"
         self.body, self._T_last_wrist = capsules.forest.body_of(tip)
         self._tip: _Tip | None = None
 
     def around(self, J: Array, p: Array) -> Walled:
-        """Return the MRF at p (3,), with its Jacobian J (6, n), between the barriers."""
-        return Walled(J, p, self._low_barrier, self._high_barrier)
+        """Return the MRF at p (3,), with its Jacobian J (6, n), among the barriers."""
+        return Walled(J, p, self._normals, self._barriers)
 
     def far(self, p: Array, T_wrist_mrf: Pose, way: Array) -> bool:
-        """Return whether joints that move by `way` (n,) cannot lead the MRF out of the box."""
-        return _stays(p, self._low, self._high, self._tip_at(T_wrist_mrf).reach, way)
+        """Return whether joints that move by `way` (n,) cannot lead the MRF beyond a wall."""
+        return _stays(p, self._normals, self._heights, self._tip_at(T_wrist_mrf).reach, way)
 
     def shortfall(
         self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
     ) -> float:
-        """Return by how much the MRF leaves the box along postures q (s, n) [m]; 0 inside.
+        """Return by how much the MRF is beyond a wall along postures q (s, n) [m]; 0 for not.
 
-        From where it is at p (3,), outside, it may only come nearer.
+        From where it is at p (3,), beyond one, it may only come nearer.
         """
         frames = self._capsules.forest.frames(q, T_world_base)
-        low = np.minimum(self._low + BETWEEN, p - 1e-4)
-        high = np.maximum(self._high - BETWEEN, p + 1e-4)
-        return _beyond(frames, self.body - 1, self._tip_at(T_wrist_mrf).p, low, high)
+        heights = np.minimum(self._heights + BETWEEN, self._normals @ p - 1e-4)
+        tip = self._tip_at(T_wrist_mrf).p
+        return _beyond(frames, self.body - 1, tip, self._normals, heights)
 
     def _tip_at(self, T_wrist_mrf: Pose) -> _Tip:
         """Return where the MRF is on the chain; it stays there from tick to tick."""
@@ -226,32 +230,35 @@ class Walls:
         return self._tip
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR)
-def _stays(p: Array, low: Array, high: Array, reach: Array, way: Array) -> bool:
-    """Return whether a point at p (3,) that moves by less than `reach` · `way` stays in a box."""
+@compiled(VECTOR, MATRIX, VECTOR, VECTOR, VECTOR)
+def _stays(p: Array, normals: Array, heights: Array, reach: Array, way: Array) -> bool:
+    """Return whether a point at p (3,) that moves by less than `reach` · `way` crosses no wall."""
     gone = BETWEEN
     for j in range(len(way)):
         gone += reach[j] * way[j]
     nearest = np.inf
-    for i in range(3):
-        nearest = min(nearest, p[i] - low[i], high[i] - p[i])
+    for i in range(len(heights)):
+        x, y, z = normals[i]
+        nearest = min(nearest, x * p[0] + y * p[1] + z * p[2] - heights[i])
     return gone < nearest
 
 
-@compiled(ARRAY4, COUNT, VECTOR, VECTOR, VECTOR)
-def _beyond(frames: Array, last: int, tip: Array, low: Array, high: Array) -> float:
-    """Return how far a point of a mechanism leaves a box at most [m]; 0 inside.
+@compiled(ARRAY4, COUNT, VECTOR, MATRIX, VECTOR)
+def _beyond(frames: Array, last: int, tip: Array, normals: Array, heights: Array) -> float:
+    """Return how far a point of a mechanism is beyond any wall at most [m]; 0 for not.
 
     `frames` (s, n, 3, 4) are the joints' at s postures; `tip` (3,) is the point in the `last` one
     of the mechanism.
     """
-    worst = 0.0
+    worst, p = 0.0, np.empty(3)
     for s in range(len(frames)):
         for i in range(3):
-            x = frames[s, last, i, 3]
+            p[i] = frames[s, last, i, 3]
             for k in range(3):
-                x += frames[s, last, i, k] * tip[k]
-            worst = max(worst, low[i] - x, x - high[i])
+                p[i] += frames[s, last, i, k] * tip[k]
+        for i in range(len(heights)):
+            x, y, z = normals[i]
+            worst = max(worst, heights[i] - (x * p[0] + y * p[1] + z * p[2]))
     return worst
 
 

@@ -1,5 +1,6 @@
 """Barriers and verified stops over clearances: kept under hostile sticks, and never a trap."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from telerobot.config.schema.surroundings import (
     AllowedContactSection,
     AvoidanceSection,
     ObstacleSection,
+    ToolPlaneSection,
     WorkspaceSection,
 )
 from telerobot.server.control.arm import Arm as ArmControl
@@ -193,6 +195,25 @@ def test_the_tool_stays_in_its_workspace(pa10, rng):
         p = kept.run.pose.p
         assert (p > low).all()
         assert (p < high).all()
+    assert any("workspace" in o.limits for o in kept.run.outputs)
+    kept.run.observe()
+
+
+def test_the_tool_and_its_stops_stay_above_a_tilted_plane(pa10, rng):
+    normal = np.array([-0.5, 0.3, 2.0]) / math.sqrt(4.34)
+    start = pa10.mechanism.kinematics(pa10.posture("ready"), pa10.p.T_wrist_tool).T_world_mrf.p
+    below = tuple((start - 0.15 * normal).tolist())
+    plane = ToolPlaneSection(point=below, normal=(-0.5, 0.3, 2.0))
+    kept = Kept(pa10, (), tool_planes=(plane,))
+    heights = []
+    for _ in range(15):
+        kept.go(0.4, (0.1, -0.05, -0.25, *rng.uniform(-0.3, 0.3, 3)))
+        heights.append(float(normal @ (kept.run.pose.p - plane.point)))
+        stop = kept.run.memory.stop
+        ends = [pa10.mechanism.kinematics(x, pa10.p.T_wrist_tool, None).T_world_mrf.p
+                for x in stop.postures(np.linspace(0.0, stop.to_go_s, 5))]  # fmt: skip
+        assert min(normal @ (p - plane.point) for p in ends) > 0.0
+    assert 0.0 < min(heights) < 0.03
     assert any("workspace" in o.limits for o in kept.run.outputs)
     kept.run.observe()
 

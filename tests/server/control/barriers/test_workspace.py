@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 from telerobot.config.load import Cell
-from telerobot.config.schema.surroundings import AvoidanceSection, WorkspaceSection
+from telerobot.config.schema.surroundings import (
+    AvoidanceSection,
+    ToolPlaneSection,
+    WorkspaceSection,
+)
 from telerobot.server.control.barriers.rows import BETWEEN, Walls
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
@@ -39,6 +43,21 @@ def test_the_shortfall_is_how_far_the_worst_posture_leads_the_tool_out(pa10, wal
         expected = max(0.0, float(out(places(pa10, q, base)).max()))
         short.append(walls.shortfall(inside, T_WRIST_MRF, q, base))
         assert short[-1] == pytest.approx(expected, abs=1e-12)
+    assert max(short) > 0.0
+
+
+def test_planes_are_walls_beside_those_of_a_box(pa10, rng):
+    tilted = ToolPlaneSection(point=(0.5, 0.0, 0.3), normal=(0.0, 0.6, 0.8))
+    given = AvoidanceSection(enabled=True, tool_planes=(tilted,))
+    config = pa10.cell.config.model_copy(update={"avoidance": given})
+    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    walls, normal = Walls(cell, Capsules(cell)), np.array(tilted.normal)
+    short = []
+    for _ in range(60):
+        q = pa10.posture("ready") + rng.uniform(-0.6, 0.6) * rng.uniform(-1, 1, (5, 7))
+        heights = (places(pa10, q) - tilted.point) @ normal
+        short.append(walls.shortfall(np.array([0.5, 0.0, 2.0]), T_WRIST_MRF, q))
+        assert short[-1] == pytest.approx(max(0.0, BETWEEN - heights.min()), abs=1e-12)
     assert max(short) > 0.0
 
 
