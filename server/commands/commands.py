@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, Generic, NamedTuple, Self, TypeVar
+from typing import Final, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..control.backbone.fit import Chain
 from ..control.bodies.body import STILL, DriveRequest
 from ..control.scene import GROUNDS, FrameTree, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist
-from ..control.state import Output, Settings
+from ..control.state import Inputs, Intent, Output, Settings
 from ..control.task.source import Goal, PathGoal, Pursuit, StickCommand
 from ..reflection import Reflector
 from ..refusals import Refused, Why
@@ -28,33 +28,8 @@ from .frames import FrameSet, path_goal, placed, wrench_kept
 from .haptics import HapticHandle, Master, reflector_of
 from .settings import CellSettings, OperatorSettings
 
-# --- The commands that one tick acts on -----------------------------------------------------------
-
-
-class InForce(NamedTuple):
-    """The commands in force at one instant; see `Inputs` of the tick."""
-
-    settings: Settings
-    stick: StickCommand | None
-    """None once its news is too old, and while the clutch is disengaged."""
-    jog: Array | None
-    """Joint rates (n,) [rad/s]; None once their news is too old."""
-    goal: Goal | None
-    paused: bool
-    posture: Array | None
-    """Joint angles (n,) to go to [rad]."""
-    at_posture: bool
-    wrench_desired: Array
-    """At the MRF (6,) [N, N·m]."""
-    R_world_wrench: Array | None
-    """Axes (3, 3) of the desired wrench in World, None for the MRF's."""
-    ground: str
-    """The frame that motion is relative to."""
-    T_wrist_goal: Pose
-    """The point of the tool that is led to the goal."""
-    drive: DriveRequest
-    """How an arm in tunnels is driven."""
-
+NOT_MEASURED: Final = np.zeros(0)
+"""Joints of inputs whose measured part is still to come."""
 
 # --- Streams: commands that hold only while they are news, as a stick's twist ---------------------
 
@@ -621,13 +596,19 @@ class Commands:
 
     # --- what is in force now ------------------------------------------------------------------
 
-    def in_force(self, now_s: float, T_world_mrf: Pose) -> InForce:
-        """Return what a tick acts on, with the MRF at a pose in World."""
+    def in_force(self, now_s: float, T_world_mrf: Pose) -> Inputs:
+        """Return a tick's inputs as far as operators decide them, with the MRF at a pose in World.
+
+        What is measured is still to come.
+        """
         goals, tree = self.goals, self.frames.tree(T_world_mrf)
         stick, jog = self._stick.newest(now_s), self._jog.newest(now_s)
         twist = None if stick is None else self.master.scaled(np.array(stick.twist))
-        return InForce(
-            settings=self.control_settings(),
+        return Inputs(
+            now_s,
+            Intent.MOVE,
+            NOT_MEASURED,
+            self.control_settings(),
             stick=None
             if stick is None or twist is None
             else StickCommand(twist, tree.pose(stick.expressed_in).R),

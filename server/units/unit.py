@@ -6,11 +6,12 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.canopen.cia402 import DriveState
-from ..commands.commands import Commands, InForce
+from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.bodies.body import STILL
+from ..control.compiled import evolve
 from ..control.mechanism.joint_rates import NOTHING, Beside, Fold
 from ..control.scene import Moved
 from ..control.spatial import Array, Pose
@@ -38,54 +39,44 @@ INTENTS = {
 
 
 def tick_inputs(
+    asked: Inputs,
     mode: Mode,
     tick: int,
-    time_s: float,
     reading: UnitReading,
     q: Array,
-    commands: InForce,
     perception: Perception,
     obstacles: ObstacleMap,
     moved: Moved,
-    beside: Beside = NOTHING,
 ) -> Inputs:
-    """Return the inputs of a tick; `q` (n,) are the measured joints [rad], `moved` the grounds.
+    """Return the inputs of a tick: what is `asked` for, as far as the mode lets it, and measured.
 
-    Sources and goals act in ENABLED only; in the other modes the arm may give way to contact.
+    `q` (n,) are the measured joints [rad], `moved` the grounds. Sources and goals act in ENABLED
+    only; in the other modes the arm may give way to contact.
     """
-    intent = INTENTS[mode]
-    moving = intent is Intent.MOVE
-    drive = commands.drive if moving else STILL
-    # Once touched, an arm in tunnels may withdraw as a curve, and do nothing else.
-    bent = moving and not perception.collisions.withdraws
-    if perception.collisions.withdraws:
+    intent, withdraws = INTENTS[mode], perception.collisions.withdraws
+    moving, drive = intent is Intent.MOVE, asked.drive
+    if not moving:
+        drive = STILL
+        asked = evolve(asked, stick=None, jog=None, goal=None, posture=None, beside=NOTHING)
+    if withdraws:
+        # Once touched, an arm in tunnels may withdraw as a curve, and do nothing else.
         drive = drive._replace(back_only=True)
+        asked = evolve(asked, jog=None, posture=None)
     grounds_move = perception.moving_frames.watching
-    return Inputs(
-        time_s=time_s,
+    return evolve(
+        asked,
         intent=intent,
         q_measured=q,
-        settings=commands.settings,
         energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
         wrench_sensor=reading.wrench,
         wrench_age_s=reading.wrench_lag_s,
         wrench_mean=reading.wrench_over_period,
-        stick=commands.stick if moving else None,
-        jog=commands.jog if bent else None,
-        goal=commands.goal if moving else None,
-        paused=commands.paused,
         view=perception.vision.goal(moved.base.T) if moving else None,
-        posture=commands.posture if bent else None,
-        at_posture=commands.at_posture,
-        wrench_desired=commands.wrench_desired,
         scene=obstacles.scene(tick) if obstacles.known else None,
-        R_world_wrench=commands.R_world_wrench,
         moved=moved if grounds_move else None,
-        ground=commands.ground if grounds_move else "world",
-        T_wrist_goal=commands.T_wrist_goal,
+        ground=asked.ground if grounds_move else "world",
         drive=drive,
         pushed=None if moving else perception.collisions.pushed,
-        beside=beside if moving else NOTHING,
     )
 
 
@@ -172,15 +163,15 @@ class LookingAhead:
 
     def applied(
         self,
-        asked: InForce,
+        asked: Inputs,
         passage: Passage | None,
         q: Array,
         tick: int,
         way: float = 0.0,
         *,
         cleared: bool = False,
-    ) -> tuple[InForce, Beside]:
-        """Return what is in force with that applied; joints are commanded to be at q (n,).
+    ) -> Inputs:
+        """Return what is asked for with that applied; joints are commanded to be at q (n,).
 
         `way` [m] is how far the base's wheels have rolled, `cleared` whether clearances limited the
         last tick.
@@ -192,22 +183,21 @@ class LookingAhead:
             if share < 1.0:
                 # In proportion: it stays on the arc that it is driven on.
                 drive = asked.drive
-                asked = asked._replace(
-                    drive=drive._replace(speed=share * drive.speed, turn=share * drive.turn)
-                )
+                drive = drive._replace(speed=share * drive.speed, turn=share * drive.turn)
+                asked = evolve(asked, drive=drive)
             posture = passage.posture(tick)
             if posture is not None:
                 # Nothing else leads the spare joints meanwhile.
-                fold, asked = Fold(posture, self._speed), asked._replace(at_posture=True)
+                fold, asked = Fold(posture, self._speed), evolve(asked, at_posture=True)
         if self._sweep is None:
-            return asked, Beside(fold)
+            return evolve(asked, beside=Beside(fold))
         joint, factor = self._sweep.joint, asked.settings.speed_factor
         sweep = (joint, self._sweep.rate(float(q[joint]), factor))
         if asked.posture is not None:
             posture = asked.posture.copy()
             posture[joint] = q[joint]
-            asked = asked._replace(posture=posture)
-        return asked, Beside(fold, sweep)
+            asked = evolve(asked, posture=posture)
+        return evolve(asked, beside=Beside(fold, sweep))
 
 
 # --- One arm of the cell and its task: what is commanded, perceived and computed for it -----------
@@ -298,11 +288,11 @@ class Unit:
         )
         asked = commands.in_force(now_s, T_world_mrf)
         if asked.posture is not None:
-            asked = asked._replace(posture=self.arm.body.posture(asked.posture, memory.motion.q))
-        beside = NOTHING
+            posture = self.arm.body.posture(asked.posture, memory.motion.q)
+            asked = evolve(asked, posture=posture)
         if self.ahead is not None and mode is Mode.ENABLED:
             q_command, limits = memory.motion.q, () if self.output is None else self.output.limits
-            asked, beside = self.ahead.applied(
+            asked = self.ahead.applied(
                 asked,
                 perception.passage,
                 q_command,
@@ -310,9 +300,7 @@ class Unit:
                 self.arm.body.ahead(q_command),
                 cleared=any(name.startswith("clearance") for name in limits),
             )
-        return tick_inputs(
-            mode, tick, now_s, reading, q, asked, perception, obstacles, moved, beside
-        )
+        return tick_inputs(asked, mode, tick, reading, q, perception, obstacles, moved)
 
     @property
     def blind(self) -> bool:

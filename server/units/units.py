@@ -235,11 +235,9 @@ class JointUnit:
             payload=own.payload,
             objectives=own.objectives,
         )
-        asked = asked._replace(settings=settings, jog=None, posture=None)
+        asked = evolve(asked, settings=settings, jog=None, posture=None)
         moved = first.commands.frames.moved
-        inputs = tick_inputs(
-            mode, tick, now_s, reading, q, asked, self.perception, obstacles, moved
-        )
+        inputs = tick_inputs(asked, mode, tick, reading, q, self.perception, obstacles, moved)
         if not self.vision.watching or inputs.intent is not Intent.MOVE:
             return inputs
         return evolve(inputs, view=self._view(self.vision.goal(moved.base.T)))
