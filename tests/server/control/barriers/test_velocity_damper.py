@@ -17,7 +17,7 @@ ACCELERATION = np.array([2.0, 3.0, 4.0])
 JERK = np.array([20.0, 60.0, 50.0])
 BRAKES = Braking(ACCELERATION, JERK, PERIOD_S)
 STANDS = np.zeros(60)
-NO_WALLS = Walled(np.zeros((6, 3)), np.zeros(3), np.zeros(0), np.zeros(0))
+NO_WALLS = Walled(np.zeros((6, 3)), np.zeros(3), np.zeros((0, 3)), np.zeros(0))
 
 
 @pytest.fixture
@@ -68,7 +68,8 @@ def test_walls_are_gaps_that_stand(gaps, rng, widen):
     slopes, room, closing = gaps
     J, p = rng.uniform(-1.0, 1.0, (6, 3)), rng.uniform(-0.5, 0.5, 3)
     low, high = np.array([-0.4, -0.3, -0.2]), np.array([0.1, 0.2, 0.3])
-    rows = BRAKES.rows(slopes, room, (closing, STANDS), Walled(J, p, low, high), 0.5, widen)
+    box = np.vstack([np.eye(3), -np.eye(3)]), np.r_[low, -high]
+    rows = BRAKES.rows(slopes, room, (closing, STANDS), Walled(J, p, *box), 0.5, widen)
     gaps_alone = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 0.5, widen)
     as_gaps = np.vstack([J[:3], -J[:3]]), np.r_[p - low, high - p], (np.zeros(6), np.zeros(6))
     walls_alone = BRAKES.rows(*as_gaps, NO_WALLS, 0.5, widen)
