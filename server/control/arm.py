@@ -7,7 +7,8 @@ from ...config.load import Cell
 from .actuation.actuation import Now
 from .asking import ArmReading, Asking, Stages, Wanted, path_of_mrf
 from .backbone.insertion import BackboneArm
-from .barriers.barriers import Allowed, BarrierInputs, Clear
+from .barriers.barriers import Allowed, Clear
+from .barriers.clearance import BarrierInputs
 from .bodies.body import Builder, SerialArm
 from .bodies.wheels import WheeledArm
 from .compiled import evolve

@@ -21,8 +21,8 @@ import numpy as np
 from ...config.load import Cell
 from .arm import Arm
 from .asking import ArmReading, Wanted
-from .barriers.barriers import Allow, Allowed, Clear, Surroundings
-from .barriers.clearance import Guard, Watch
+from .barriers.barriers import Allow, Allowed, Clear
+from .barriers.clearance import Guard, Surroundings, Watch
 from .joint_task.joint_task import JointTasks, On, finish, members_of
 from .joints import Joints, joined
 from .spatial import Array, Motion

@@ -6,64 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..joints import Joints, joined, parts_of
-from ..mechanism.model import Kinematics
-from ..proximity.capsules import Placed
-from ..scene import Body, Scene
-from ..spatial import Array, Motion, Pose
-from .clearance import Guard, Levels, Shown, Situation, Tool, Watch
+from ..spatial import Array
+from .clearance import BarrierInputs, Guard, Levels, Shown, Situation, Surroundings, Watch
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .rows import JointRoom, Resistance, Room, Rows
 from .together import PayloadLink, in_step, least_of, pulled_apart
-
-
-class BarrierInputs(NamedTuple):
-    """Inputs of the barriers from one mechanism in one tick."""
-
-    dq: Array
-    """Joint rates that are asked for (n,) [rad/s]."""
-    kinematics: Kinematics
-    """Of the commanded posture."""
-    motion: Motion
-    """The commanded joints."""
-    error: Array
-    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
-    way: Array
-    """Way of the command (n,) [rad] in the tick whose effect is measured now."""
-    resistance: Resistance | None
-    """The resistance that holds the arm up; None before the first tick."""
-    may_move: bool
-    T_wrist_mrf: Pose
-    together: bool = False
-    """Joints mean something only together, as along a curve: one at its bound holds up all."""
-    by_joint: bool = False
-    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
-    standing: int = 0
-    """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
-    ordered: bool = True
-    """Somebody tells the arm to move."""
-    makes_way: float = 1.0
-    """Part of the speed of what comes that the arm makes way at, 0 to 1."""
-    tool_stays: bool = False
-    """It makes way by self-motion alone."""
-    led: bool = False
-    """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
-    path: Array | None = None
-    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: `kinematics`' own."""
-
-
-class Surroundings(NamedTuple):
-    """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
-
-    levels: Levels
-    """Best gap so far of pairs that are below their bounds."""
-    speed_factor: float
-    keep_clear: bool = False
-    """Clearances are kept."""
-    scene: Scene | None = None
-    base: Body | None = None
-    """A Base that moves."""
-    placed: Placed | None = None
-    """Where links are, where that is known already."""
 
 
 class _Bounded(NamedTuple):
@@ -158,7 +105,7 @@ class Allow:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
         watch, rows, broken, made_way = None, None, None, [False] * len(arms)
         if guard is not None and around.keep_clear:
-            watch = guard.watch(_situation(arms, around, self.parts), dq, around.levels)
+            watch = guard.watch(Situation.of(arms, around), dq)
             beside = guard.tool_shares(watch)
             if links and min(beside) < 1.0:
                 _, beside, links = in_step(dq, self._counts, beside, beside, links)
@@ -272,32 +219,6 @@ def _part_within(dq: Array, low: Array, high: Array) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = np.where(dq == 0.0, 1.0, bound / dq)
     return min(1.0, max(0.0, float(parts.min())))
-
-
-def _situation(
-    arms: Sequence[BarrierInputs], around: Surroundings, parts: Sequence[slice]
-) -> Situation:
-    """Return what the guard has to know."""
-    return Situation(
-        joined([arm.motion.q for arm in arms]),
-        joined([arm.motion.dq for arm in arms]),
-        joined([arm.error for arm in arms]),
-        tuple(
-            Tool(
-                arm.kinematics.T_world_mrf.p,
-                arm.kinematics.J,
-                arm.T_wrist_mrf,
-                part,
-                arm.ordered,
-                arm.makes_way,
-            )
-            for arm, part in zip(arms, parts, strict=True)
-        ),
-        around.scene,
-        around.speed_factor,
-        around.base,
-        around.placed,
-    )
 
 
 def _slowed(dq: Array, part: slice, share: float) -> Array:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -20,11 +20,13 @@ from ..compiled import (
     VECTOR,
     compiled,
 )
+from ..joints import joined, parts_of
+from ..mechanism.model import Kinematics
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
-from ..spatial import Array, Pose
-from .rows import Braking, Rows, Walls
+from ..spatial import Array, Motion, Pose
+from .rows import Braking, Resistance, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
 
@@ -404,36 +406,76 @@ ORDERED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
-class Tool(NamedTuple):
-    """The tool of one mechanism."""
+class BarrierInputs(NamedTuple):
+    """Inputs of the barriers from one mechanism in one tick."""
 
-    p: Array
-    """Where its MRF is in World (3,) [m]."""
-    J: Array
-    """Its Jacobian in its own k joints (6, k)."""
+    dq: Array
+    """Joint rates that are asked for (n,) [rad/s]."""
+    kinematics: Kinematics
+    """Of the commanded posture."""
+    motion: Motion
+    """The commanded joints."""
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
+    way: Array
+    """Way of the command (n,) [rad] in the tick whose effect is measured now."""
+    resistance: Resistance | None
+    """The resistance that holds the arm up; None before the first tick."""
+    may_move: bool
     T_wrist_mrf: Pose
-    joints: slice
-    """Where these joints are among all."""
+    together: bool = False
+    """Joints mean something only together, as along a curve: one at its bound holds up all."""
+    by_joint: bool = False
+    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
+    standing: int = 0
+    """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
     ordered: bool = True
-    """Somebody wants it to move, and no sensor's noise."""
+    """Somebody tells the arm to move."""
     makes_way: float = 1.0
-    """Part of the speed of what comes that its arm makes way at, 0 to 1."""
+    """Part of the speed of what comes that the arm makes way at, 0 to 1."""
+    tool_stays: bool = False
+    """It makes way by self-motion alone."""
+    led: bool = False
+    """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
+    path: Array | None = None
+    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: `kinematics`' own."""
+
+
+class Surroundings(NamedTuple):
+    """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
+
+    levels: Levels
+    """Best gap so far of pairs that are below their bounds."""
+    speed_factor: float
+    keep_clear: bool = False
+    """Clearances are kept."""
+    scene: Scene | None = None
+    base: Body | None = None
+    """A Base that moves."""
+    placed: Placed | None = None
+    """Where links are, where that is known already."""
 
 
 class Situation(NamedTuple):
-    """Inputs of one tick for the n joints of a cell."""
+    """The n joints of a cell in one tick."""
 
     q: Array
     dq: Array
     error: Array
     """Tracking errors of the joints (n,) [rad]."""
-    tools: tuple[Tool, ...]
-    scene: Scene | None
-    factor: float
-    """The reduced-speed setting."""
-    base: Base = None
-    placed: Placed | None = None
-    """Where links are at q, where that is known already."""
+    arms: Sequence[BarrierInputs]
+    around: Surroundings
+
+    @classmethod
+    def of(cls, arms: Sequence[BarrierInputs], around: Surroundings) -> Self:
+        """Return that of several mechanisms."""
+        return cls(
+            joined([arm.motion.q for arm in arms]),
+            joined([arm.motion.dq for arm in arms]),
+            joined([arm.error for arm in arms]),
+            arms,
+            around,
+        )
 
 
 class Watch(NamedTuple):
@@ -466,41 +508,43 @@ class Guard:
         self.clearance = Clearance(cell, acceleration, jerk, self.capsules)
         self.walls = tuple(Walls(part, self.capsules) for part in cell.parts)
         """The workspace of each mechanism's tool."""
-        self._arm = _arm_of(self.capsules.moves, [len(part.joints) for part in cell.parts])
+        counts = [len(part.joints) for part in cell.parts]
+        self._arm, self._parts = _arm_of(self.capsules.moves, counts), parts_of(counts)
         self._near_distance, self._near_speed = avoidance.near_distance, avoidance.near_speed
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
-    def watch(self, at: Situation, asked: Array, levels: Levels) -> Watch:
+    def watch(self, at: Situation, asked: Array) -> Watch:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
-        clearance = self.clearance
+        clearance, around, arms = self.clearance, at.around, at.arms
         fastest, speeds, rates = np.empty(len(asked)), [], []
-        for tool in at.tools:
-            part = tool.joints
-            speed, rate = _ask(tool.J, asked[part], at.dq[part], fastest[part])
+        for arm, part in zip(arms, self._parts, strict=True):
+            speed, rate = _ask(arm.kinematics.J, asked[part], at.dq[part], fastest[part])
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
-            at.q, fastest, at.error, at.scene, at.factor, levels, at.base, at.placed
-        )
+            at.q, fastest, at.error, around.scene, around.speed_factor, around.levels,
+            around.base, around.placed,
+        )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
-        widen = any(t.ordered and rate > ORDERED for t, rate in zip(at.tools, rates, strict=True))
+        widen = any(a.ordered and rate > ORDERED for a, rate in zip(arms, rates, strict=True))
         coming = sight.near.approach
         if np.count_nonzero(coming):
-            shares = np.array([tool.makes_way for tool in at.tools])
+            shares = np.array([arm.makes_way for arm in arms])
             coming = shares[self._arm[sight.near.first]] * coming
-            coming = np.minimum(coming, at.factor * self._speed)
+            coming = np.minimum(coming, around.speed_factor * self._speed)
         gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
-        rows = []
-        for tool, walls in zip(at.tools, self.walls, strict=True):
-            walled = walls.around(_whole(tool, len(at.q)), tool.p)
-            rows.append(clearance.braking.rows(gaps, room, closing, walled, at.factor, widen))
+        rows, factor = [], around.speed_factor
+        for arm, part, walls in zip(arms, self._parts, self.walls, strict=True):
+            k = arm.kinematics
+            walled = walls.around(_whole(k.J, part, len(at.q)), k.T_world_mrf.p)
+            rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
         return Watch(at, sight, Rows.of_all(rows), tuple(speeds), coming)
 
     def makes_way(self, watch: Watch) -> list[bool]:
         """Return which arms are to go out of the way of something that comes."""
-        near, found = watch.sight.near, [False] * len(watch.at.tools)
+        near, found = watch.sight.near, [False] * len(watch.at.arms)
         if np.count_nonzero(watch.coming):
             for i in np.flatnonzero((watch.coming > 0.0) & (watch.rows.low[: near.size] > 0.0)):
                 found[self._arm[near.first[i]]] = True
@@ -518,15 +562,16 @@ class Guard:
                 continue
             far = (gap - self._clearance) / (self._near_distance - self._clearance)
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-            shares.append(min(1.0, watch.at.factor * bound / max(speed, 1e-12)))
+            factor = watch.at.around.speed_factor
+            shares.append(min(1.0, factor * bound / max(speed, 1e-12)))
         return shares
 
     def slowed_to_limit(self, watch: Watch, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
-        share = 1.0
-        for tool, asked in zip(watch.at.tools, watch.speeds, strict=True):
-            speed = float(np.linalg.norm(tool.J[:3] @ dq[tool.joints]))
-            most = max(asked, watch.at.factor * self._speed)
+        share, factor = 1.0, watch.at.around.speed_factor
+        for arm, part, asked in zip(watch.at.arms, self._parts, watch.speeds, strict=True):
+            speed = float(np.linalg.norm(arm.kinematics.J[:3] @ dq[part]))
+            most = max(asked, factor * self._speed)
             share = min(share, most / max(speed, 1e-12))
         return dq if share >= 1.0 else share * dq
 
@@ -549,12 +594,13 @@ class Guard:
         at = watch.at
         way = np.maximum(high - at.q, at.q - low)
         short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
-        for tool, walls in zip(at.tools, self.walls, strict=True):
-            if not walls.given or walls.far(tool.p, tool.T_wrist_mrf, way):
+        for arm, walls in zip(at.arms, self.walls, strict=True):
+            p, base = arm.kinematics.T_world_mrf.p, at.around.base
+            if not walls.given or walls.far(p, arm.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-            base = None if at.base is None else at.base.T
-            out = walls.shortfall(tool.p, tool.T_wrist_mrf, postures(times), base)
+            T_base = None if base is None else base.T
+            out = walls.shortfall(p, arm.T_wrist_mrf, postures(times), T_base)
             short = max(short, out)
         return short
 
@@ -568,12 +614,12 @@ def _arm_of(moves: Flags, counts: Sequence[int]) -> Index:
     return found
 
 
-def _whole(tool: Tool, n: int) -> Array:
-    """Return a tool's Jacobian in all joints (6, n)."""
-    if tool.J.shape[1] == n:
-        return tool.J
+def _whole(own: Array, part: slice, n: int) -> Array:
+    """Return the Jacobian in all joints (6, n) of a tool that some of them move."""
+    if own.shape[1] == n:
+        return own
     J = np.zeros((6, n))
-    J[:, tool.joints] = tool.J
+    J[:, part] = own
     return J
 
 

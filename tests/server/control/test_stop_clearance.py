@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.clearance import Situation, Tool
+from telerobot.server.control.barriers.clearance import BarrierInputs, Situation, Surroundings
 from telerobot.server.control.spatial import Motion, Pose
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
@@ -36,9 +36,12 @@ def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kep
             continue
         dq = rng.uniform(-1, 1, 7) * pa10.p.joints.velocity * rng.uniform(0, 1)
         stop = planner.stop(Motion(q, dq, none))
-        tool = Tool(none[:3], np.zeros((6, 7)), Pose.identity(), slice(0, 7))
-        at = Situation(q, dq, none, (tool,), scene, 1.0)
-        watch = kept.guard.watch(at, dq, {})
+        motion, k = Motion(q, dq, none), pa10.mechanism.kinematics(q, Pose.identity())
+        arm = BarrierInputs(
+            dq, k, motion, none, none, None, may_move=True, T_wrist_mrf=Pose.identity()
+        )
+        at = Situation.of((arm,), Surroundings({}, 1.0, scene=scene))
+        watch = kept.guard.watch(at, dq)
         short = kept.guard.shortfall(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
         said.append((short == 0.0, float(gaps_along(kept, stop).min())))
     clear = [least for ok, least in said if ok]

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
-from telerobot.server.control.barriers.clearance import ORDERED, Guard, Situation, Tool
+from telerobot.server.control.barriers.clearance import (
+    ORDERED,
+    BarrierInputs,
+    Guard,
+    Situation,
+    Surroundings,
+)
 from telerobot.server.control.compiled import evolve
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Motion, Pose
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
 
@@ -26,9 +32,13 @@ def watched(pa10):
 
     def watch(asked, dq, clearance=0.02):
         around = evolve(scene, clearance=np.full(2, clearance))
-        tool = Tool(k.T_world_mrf.p, k.J, Pose.identity(), slice(0, 7))
-        at = Situation(q, dq, np.zeros(7), (tool,), around, 1.0)
-        return guard, guard.watch(at, asked, {})
+        zero = np.zeros(7)
+        arm = BarrierInputs(
+            asked, k, Motion(q, dq, zero), zero, zero, None, may_move=True,
+            T_wrist_mrf=Pose.identity(),
+        )  # fmt: skip
+        at = Situation.of((arm,), Surroundings({}, 1.0, scene=around))
+        return guard, guard.watch(at, asked)
 
     return k.J, watch
 
