@@ -318,7 +318,7 @@ VIDEO = Topic(
 )  # fmt: skip
 """Only while somebody looks at that camera large."""
 SCAN = Topic("view/scan", ScanPoints, Flow.PICTURE, Life.STREAM, 25, told_with=CONTOUR.key)
-"""Only while somebody listens, as a recorder does."""
+"""As a recorder hears it. STATE, DESCRIPTION, REFLECTION and TICK go while somebody listens."""
 FRAME_NEWS = Topic("sensor/frame", moving.FrameNews, Flow.SENSOR, Life.STREAM, 50)
 
 LEASE = _request("lease", requests.LeaseRequest)
@@ -346,13 +346,13 @@ REFLECT = _request("reflection", ReflectionRequest)
 STATE = Topic("tlm/state", State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
 EVENT = Topic("tlm/event", Event, Flow.TELEMETRY, reliable=True, largest=65536)
 DESCRIPTION = Topic(
-    "tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 1, reliable=True, largest=65536
+    "tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 5, reliable=True, largest=65536
 )
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""
 
 TICK = Topic("tlm/tick", RecordedTick, Flow.TELEMETRY, Life.STREAM, 100)
-"""Only while somebody listens, as a recorder does."""
+"""As a recorder hears it. STATE, DESCRIPTION, REFLECTION and TICK go while somebody listens."""
 
 RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)

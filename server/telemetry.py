@@ -34,8 +34,8 @@ from .recorder import KeptTick, pack_memories
 from .units.unit import Unit, described_base, described_insertion
 from .units.units import JointUnit, Units
 
-DESCRIBE_EVERY = 100
-"""Ticks between two descriptions, for operators that come late [1]."""
+DESCRIBE_EVERY_S = 0.2
+"""Time between two descriptions, for operators that come late [s]."""
 
 
 def describe(cell: Cell) -> Description:
@@ -205,7 +205,9 @@ class Telemetry:
     """Publishes what one cell's daemon tells."""
 
     def __init__(self, description: Description, link: Link, events: Events) -> None:
-        self._description, self._link, self._events = description, link, events
+        self._link, self._events = link, events
+        self._description = encode(description)
+        self._describe_every = max(1, round(DESCRIBE_EVERY_S / description.period_s))
 
     def publish_events(self) -> None:
         """Send the events since the last call."""
@@ -225,19 +227,22 @@ class Telemetry:
             self._link.publish(TICK, encode(told))
 
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
-        """Send the state of a tick, forces for handles, and now and then the description."""
-        state = snapshot(record, units, admission)
-        if state is None:
-            return
-        self._link.publish(STATE, encode(state))
-        for unit in units.each:
-            reflection = unit.commands.handle.message(record.tick)
-            if reflection is not None:
-                if len(units.each) > 1:
-                    reflection = reflection.model_copy(update={"task": unit.task})
-                self._link.publish(REFLECTION, encode(reflection))
-        if record.tick % DESCRIBE_EVERY == 1:
-            self._link.publish(DESCRIPTION, encode(self._description))
+        """Send the state of a tick, forces for handles, and now and then the description.
+
+        What nobody listens to is not computed either.
+        """
+        heard = self._link.heard
+        if heard(STATE) and (state := snapshot(record, units, admission)) is not None:
+            self._link.publish(STATE, encode(state))
+        if heard(REFLECTION):
+            for unit in units.each:
+                reflection = unit.commands.handle.message(record.tick)
+                if reflection is not None:
+                    if len(units.each) > 1:
+                        reflection = reflection.model_copy(update={"task": unit.task})
+                    self._link.publish(REFLECTION, encode(reflection))
+        if record.tick % self._describe_every == 0 and heard(DESCRIPTION):
+            self._link.publish(DESCRIPTION, self._description)
 
 
 def potential(reading: FieldReading) -> dict[str, float]:

@@ -110,9 +110,6 @@ class AnswerThread:
 RING: Final = 128
 """Messages of a topic that wait to be sorted: 12,800 a second at 100 Hz [1]."""
 
-ASK_EVERY: Final = 50
-"""Whether anybody listens is asked once in so many calls [1]."""
-
 Answer = Callable[[bytes | None], None]
 """Answers a request; with None it ends without an answer."""
 
@@ -161,7 +158,7 @@ class Link(Protocol):
         ...
 
     def heard(self, topic: Topic) -> bool:
-        """Return whether anybody listens to a telemetry topic; may be late by a second."""
+        """Return whether anybody listens to a telemetry topic, as far as the network knows."""
         ...
 
     def close(self) -> None:
@@ -207,7 +204,9 @@ class ZenohLink:
         self._answers = AnswerThread()
         self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._heard: dict[str, tuple[int, bool]] = {}
+        self._listeners: dict[str, Callable[[], Any]] = {}
+        """What takes the newest change of whether a topic has listeners; None without one."""
+        self._heard: dict[str, bool] = {}
 
     def room(self, topic: Topic) -> int:
         """Return how many messages of a topic wait at most."""
@@ -230,13 +229,16 @@ class ZenohLink:
         self._publisher(topic).put(payload)
 
     def heard(self, topic: Topic) -> bool:
-        """Return whether anybody listens to a telemetry topic, as of the last `ASK_EVERY` calls."""
-        calls, heard = self._heard.get(topic.key, (0, False))
-        if calls % ASK_EVERY == 0:
-            status: Any = self._publisher(topic).matching_status  # a bool, its stubs say
-            heard = bool(status.matching)
-        self._heard[topic.key] = calls + 1, heard
-        return heard
+        """Return whether anybody listens to a telemetry topic, as far as the network knows."""
+        key = topic.key
+        if key not in self._heard:
+            publisher = self._publisher(topic)
+            listener = publisher.declare_matching_listener(zenoh.handlers.RingChannel(1))
+            status: Any = publisher.matching_status  # a bool, its stubs say
+            self._listeners[key], self._heard[key] = listener.try_recv, bool(status.matching)
+        if (change := self._listeners[key]()) is not None:
+            self._heard[key] = bool(change.matching)
+        return self._heard[key]
 
     def _publisher(self, topic: Topic) -> "zenoh.Publisher":
         publisher = self._publishers.get(topic.key)

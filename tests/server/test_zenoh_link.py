@@ -99,3 +99,25 @@ def test_news_of_obstacles_comes_with_the_name_of_who_put_it(network, key, sende
             break
     assert raw.sender == sender
     assert bytes(raw.payload) == b"news"
+
+
+def test_whether_somebody_listens_is_known_as_they_come_and_go(network):
+    link, peer = network
+
+    def becomes(heard):
+        """Return whether the link comes to know it within forty questions of the peer."""
+        for _ in range(40):
+            if link.heard(t.STATE) is heard:
+                return True
+            parcel, replies = asked(link, peer, t.TARE, b"")
+            parcel.answer(b"yes")
+            list(replies)
+        return False
+
+    assert not link.heard(t.STATE)
+    for _ in range(2):
+        subscriber = peer.declare_subscriber(t.STATE.full_key("cell"))
+        assert becomes(True)
+        assert not link.heard(t.REFLECTION)
+        subscriber.undeclare()
+        assert becomes(False)

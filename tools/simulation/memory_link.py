@@ -52,8 +52,8 @@ class MemoryLink:
             listener(topic, payload)
 
     def heard(self, topic: Topic) -> bool:
-        """Return False for ticks: who records a simulation has them from the cycle itself."""
-        return topic is not TICK
+        """Return whether anybody listens; nobody to ticks, which a recorder has from the cycle."""
+        return bool(self._listeners) and topic is not TICK
 
     def close(self) -> None:
         """Forget everybody."""
