@@ -67,6 +67,16 @@ def test_a_bridge_stands_where_the_rig_has_it(described):
     assert left["half_size"][2] == right["half_size"][2] == pytest.approx(0.5 * bridge.height)
 
 
+def test_planes_that_a_tool_stays_above_are_told_for_drawing(tmp_path):
+    file = tmp_path / "planes.toml"
+    file.write_text(
+        'extends = "pa10"\nname = "planes"\n[avoidance]\nenabled = true\n'
+        "tool_planes = [{ point = [0.5, 0.0, 0.3], normal = [0.0, 1.0, 2.0] }]\n"
+    )
+    (plane,) = describe(load_cell(file))["tool_planes"]
+    assert plane == {"point": (0.5, 0.0, 0.3), "normal": (0.0, 1.0, 2.0)}
+
+
 def test_names_of_links_stay_data(small):
     text = "<script>alert(1)</script>"
     escaped = text.replace("<", "&lt;").replace(">", "&gt;")

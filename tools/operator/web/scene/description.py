@@ -59,6 +59,9 @@ def describe(cell: Cell, meshes: Meshes | None = None) -> dict[str, Any]:
             "self_clearance": config.avoidance.self_clearance,
             "near": config.avoidance.near_distance,
         },
+        "tool_planes": [
+            {"point": plane.point, "normal": plane.normal} for plane in config.avoidance.tool_planes
+        ],
         "workspace": None if workspace is None else {"low": workspace.low, "high": workspace.high},
         "tunnels": described_tunnels(cell),
         "T_world_carrier": of_pose(config.frames.T_world_carrier),

@@ -20,6 +20,7 @@ export function createSurroundings(description, materials, labels) {
   const tags = (rig.tags ?? []).map((tag) => ({ tag, sheet: sheet(tag) }));
   for (const { tag, sheet: shown } of tags) object.add(place(shown, tag.pose));
   if (description.workspace) object.add(space(description.workspace, materials));
+  for (const each of description.tool_planes ?? []) object.add(plane(each, materials));
   const obstacles = new Map();
   for (const each of description.obstacles) {
     const made = obstacle(each, materials, labels);
@@ -234,6 +235,23 @@ function space({ low, high }, materials) {
   ));
   group.position.set(...middle);
   return group;
+}
+
+/** Return a plane that the MRF stays above: a grid, and a line to its free side. */
+function plane({ point, normal }, materials) {
+  const [half, step] = [0.6, 0.15];
+  const points = [new THREE.Vector3(0, 0, 0), new THREE.Vector3(0, 0, step)];
+  for (let x = -half; x <= half + 1e-9; x += step) {
+    points.push(new THREE.Vector3(x, -half, 0), new THREE.Vector3(x, half, 0));
+    points.push(new THREE.Vector3(-half, x, 0), new THREE.Vector3(half, x, 0));
+  }
+  const grid = new THREE.LineSegments(
+    new THREE.BufferGeometry().setFromPoints(points), materials.line("space", 0.5),
+  );
+  grid.position.set(...point);
+  const up = new THREE.Vector3(0, 0, 1);
+  grid.quaternion.setFromUnitVectors(up, new THREE.Vector3(...normal).normalize());
+  return grid;
 }
 
 /** Return the stick with a ball that touches the virtual world at the MRF, from the wrist. */
