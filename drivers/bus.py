@@ -4,6 +4,8 @@
 `in_process` carries them between objects, in virtual time. Everything else is python-can's.
 """
 
+import contextlib
+import ctypes
 import select
 import socket
 import struct
@@ -16,7 +18,6 @@ import can
 import msgpack
 from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
-from can.interfaces.udp_multicast.utils import pack_message, unpack_message
 
 from ..config.schema.bus import BusSection
 from .device import DeviceError
@@ -31,6 +32,9 @@ BusErrors = (can.CanError, OSError)
 _LOOPBACK: Final = "127.0.0.1"
 _IP_MULTICAST_ALL: Final = 49  # linux/in.h; Python has no name for it
 _SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
+_SO_ATTACH_FILTER: Final = 26
+_BPF: Final = struct.Struct("=HBBI")
+"""An instruction of the kernel's packet filter (linux/filter.h): code, jumps if so, if not, k."""
 _TIMESPEC: Final = struct.Struct("@ll")
 _LARGEST_DATAGRAM: Final = 1024
 _RECEIVE_BUFFER: Final = 1 << 20
@@ -44,9 +48,9 @@ class LoopbackBus(UdpMulticastBus):
     """Classic CAN between the processes of one machine: python-can's UDP bus, pinned to loopback.
 
     Nothing leaves the machine: group, sender and receiver are on 127.0.0.1, with hop limit 0. The
-    sender's own echo is dropped by its source port, so a foreign frame with equal content is
-    still seen. Stamps are the kernel's, in seconds. Datagrams that are no classic CAN frame are
-    ignored and counted in `malformed`.
+    kernel drops the sender's own echo by its source port: it wakes nobody up, and a foreign frame
+    with equal content is still seen. Stamps are the kernel's, in seconds. Datagrams that are no
+    classic CAN frame are ignored and counted in `malformed`.
     """
 
     def __init__(self, channel: str, port: int) -> None:
@@ -62,7 +66,6 @@ class LoopbackBus(UdpMulticastBus):
         except OSError as error:
             self.shutdown()
             raise can.CanInitializationError(f"{self.channel_info}: {error}") from error
-        self._own: tuple[str, int] = self.sender.getsockname()
 
     def _pin(self, channel: str, port: int) -> None:
         interface = socket.inet_aton(_LOOPBACK)
@@ -79,14 +82,18 @@ class LoopbackBus(UdpMulticastBus):
         sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
         sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
         sender.bind((_LOOPBACK, 0))
+        self._own: tuple[str, int] = sender.getsockname()
+        with contextlib.suppress(OSError):  # a kernel without it: `_recv_internal` drops echoes
+            _drop_from(receiver, self._own[1])
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to every other member. Raises `can.CanOperationError`."""
         if msg.is_fd:
             raise can.CanOperationError("this bus carries classic CAN only")
-        self.sender.settimeout(timeout)
+        if timeout != self.sender.gettimeout():
+            self.sender.settimeout(timeout)
         try:
-            self.sender.sendto(pack_message(msg), self._group)
+            self.sender.sendto(_packed(msg), self._group)
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
 
@@ -111,13 +118,15 @@ class LoopbackBus(UdpMulticastBus):
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
 
     def _frame(self, data: bytes, ancillary: list[tuple[int, int, bytes]]) -> can.Message | None:
-        stamp = time.time()
+        stamp = None
         for level, kind, content in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack(content[: _TIMESPEC.size])
+                seconds, nanoseconds = _TIMESPEC.unpack_from(content)
                 stamp = seconds + nanoseconds * 1e-9
         try:
-            message = unpack_message(data, replace={"timestamp": stamp}, check=True)
+            fields = msgpack.unpackb(data)
+            fields["timestamp"] = time.time() if stamp is None else stamp
+            message = can.Message(check=True, **fields)
         except _MALFORMED:
             self.malformed += 1
             return None
@@ -127,7 +136,7 @@ class LoopbackBus(UdpMulticastBus):
         return message
 
     def fileno(self) -> int:
-        """Return the descriptor that becomes readable when a frame, or an own echo, came."""
+        """Return the descriptor that becomes readable when a frame came."""
         return self.receiver.fileno()
 
     def shutdown(self) -> None:
@@ -135,6 +144,33 @@ class LoopbackBus(UdpMulticastBus):
         can.BusABC.shutdown(self)
         self.receiver.close()
         self.sender.close()
+
+
+def _packed(message: can.Message) -> bytes:
+    """Return the datagram of a frame: python-can's fields, without those that have its defaults."""
+    fields = {
+        "arbitration_id": message.arbitration_id,
+        "is_extended_id": message.is_extended_id,
+        "dlc": message.dlc,
+        "data": message.data,
+    }
+    if message.is_remote_frame or message.is_error_frame:
+        fields["is_remote_frame"] = message.is_remote_frame
+        fields["is_error_frame"] = message.is_error_frame
+    packed: bytes = msgpack.packb(fields)
+    return packed
+
+
+def _drop_from(receiver: socket.socket, port: int) -> None:
+    """Let the kernel drop what comes from a UDP port. Raises `OSError` where it cannot."""
+    program = ctypes.create_string_buffer(
+        _BPF.pack(0x28, 0, 0, 0)  # load the half-word at 0, which is the source port
+        + _BPF.pack(0x15, 0, 1, port)  # if it is this port, go on, else skip one
+        + _BPF.pack(0x06, 0, 0, 0)  # keep no byte
+        + _BPF.pack(0x06, 0, 0, 0xFFFFFFFF)  # keep all
+    )
+    chain = struct.pack("@HP", len(program) // _BPF.size, ctypes.addressof(program))
+    receiver.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, chain)
 
 
 class Hub:

@@ -1,6 +1,7 @@
 """The two buses that need no hardware, and how a cell's bus is opened."""
 
 import random
+import select
 import shutil
 import socket
 import subprocess
@@ -10,6 +11,7 @@ import can
 import msgpack
 import pytest
 from telerobot.config.schema.bus import BusSection
+from telerobot.drivers import bus as buses
 from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
 from telerobot.drivers.device import DeviceError
 
@@ -67,6 +69,53 @@ def test_an_own_echo_does_not_hide_what_waits_behind_it(
     got = a.recv(0)
     assert got is not None
     assert got.arbitration_id == 0x181
+
+
+def test_an_own_echo_wakes_nobody_up(pair: tuple[LoopbackBus, LoopbackBus]) -> None:
+    a, b = pair
+    a.send(frame(0x80))
+    assert b.recv(2.0) is not None
+    assert select.select([a], [], [], 0.0)[0] == []
+    b.send(frame(0x181))
+    assert select.select([a], [], [], 2.0)[0] == [a]
+
+
+def test_where_the_kernel_filters_nothing_own_echoes_are_dropped_all_the_same(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_receiver: socket.socket, _port: int) -> None:
+        raise OSError("Protocol not available")
+
+    monkeypatch.setattr(buses, "_drop_from", refuse)
+    a, b = LoopbackBus(*address), LoopbackBus(*address)
+    a.send(frame(0x80))
+    assert b.recv(2.0) is not None
+    assert select.select([a], [], [], 2.0)[0] == [a]  # its own
+    assert a.recv(0) is None
+    b.send(frame(0x181))
+    heard = a.recv(2.0)
+    assert heard is not None
+    assert heard.arbitration_id == 0x181
+    a.shutdown()
+    b.shutdown()
+
+
+def test_frames_of_every_kind_come_as_they_were_sent(
+    pair: tuple[LoopbackBus, LoopbackBus],
+) -> None:
+    a, b = pair
+    kinds: list[dict[str, object]] = [
+        {"is_extended_id": False, "data": bytes(range(8))},
+        {"is_extended_id": True, "data": b""},
+        {"is_extended_id": False, "is_remote_frame": True, "dlc": 8},
+        {"is_extended_id": False, "is_error_frame": True, "data": bytes(8)},
+    ]
+    for kind in kinds:
+        sent = can.Message(arbitration_id=0x123, check=True, **kind)  # type: ignore[arg-type]
+        a.send(sent)
+        heard = b.recv(2.0)
+        assert heard is not None
+        assert heard.equals(sent, timestamp_delta=None)
 
 
 def test_stamps_are_the_kernels_and_follow_the_order_of_sending(
