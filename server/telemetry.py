@@ -8,7 +8,6 @@ from ..config.drives import joint_bounds
 from ..config.load import Cell, joint_part
 from ..config.schema.joint_task import JointTaskSection
 from ..config.schema.sources import SOURCES
-from ..protocols.codec import encode
 from ..protocols.messages.messages import VERSION, Vector6
 from ..protocols.messages.telemetry import (
     Description,
@@ -206,13 +205,13 @@ class Telemetry:
 
     def __init__(self, description: Description, link: Link, events: Events) -> None:
         self._link, self._events = link, events
-        self._description = encode(description)
+        self._description = description
         self._describe_every = max(1, round(DESCRIBE_EVERY_S / description.period_s))
 
     def publish_events(self) -> None:
         """Send the events since the last call."""
         for event in self._events.take():
-            self._link.publish(EVENT, encode(event))
+            self._link.publish(EVENT, event)
 
     def publish_tick(self, row: KeptTick) -> None:
         """Send what a tick looked at and decided, while somebody listens."""
@@ -224,7 +223,7 @@ class Telemetry:
             told = RecordedTick.model_construct(
                 tick=row.tick, stamp_ns=row.stamp_ns, data=row.data, memory=memory
             )
-            self._link.publish(TICK, encode(told))
+            self._link.publish(TICK, told)
 
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
         """Send the state of a tick, forces for handles, and now and then the description.
@@ -233,14 +232,14 @@ class Telemetry:
         """
         heard = self._link.heard
         if heard(STATE) and (state := snapshot(record, units, admission)) is not None:
-            self._link.publish(STATE, encode(state))
+            self._link.publish(STATE, state)
         if heard(REFLECTION):
             for unit in units.each:
                 reflection = unit.commands.handle.message(record.tick)
                 if reflection is not None:
                     if len(units.each) > 1:
                         reflection = reflection.model_copy(update={"task": unit.task})
-                    self._link.publish(REFLECTION, encode(reflection))
+                    self._link.publish(REFLECTION, reflection)
         if record.tick % self._describe_every == 0 and heard(DESCRIPTION):
             self._link.publish(DESCRIPTION, self._description)
 

@@ -16,6 +16,8 @@ from ...drivers.device import DeviceError
 from ...drivers.network.certificates import known
 from ...drivers.network.identity import Identity
 from ...drivers.network.sessions import member_config, router_config
+from ...protocols.codec import encode
+from ...protocols.messages.messages import Message
 from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
 from ..events import Events
 from ..process import PRIORITY
@@ -153,7 +155,7 @@ class Link(Protocol):
         """Return what takes the messages of a topic, one at a time."""
         ...
 
-    def publish(self, topic: Topic, payload: bytes) -> None:
+    def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry."""
         ...
 
@@ -222,11 +224,11 @@ class ZenohLink:
             return partial(_next_signed, receive, topic, self._cell)
         return partial(_next_put, receive)
 
-    def publish(self, topic: Topic, payload: bytes) -> None:
+    def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
         and event ids tell the reader that something is missing.
         """
-        self._publisher(topic).put(payload)
+        self._publisher(topic).put(encode(message))
 
     def heard(self, topic: Topic) -> bool:
         """Return whether anybody listens to a telemetry topic, as far as the network knows."""

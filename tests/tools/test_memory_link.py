@@ -1,5 +1,6 @@
 import pytest
 from telerobot.protocols import topics as t
+from telerobot.protocols.messages.messages import Message
 from telerobot.tools.simulation.memory_link import MemoryLink
 
 
@@ -54,8 +55,8 @@ def test_a_request_brings_its_answer_to_who_asked():
 def test_telemetry_reaches_everybody_who_listens_until_the_link_closes():
     link, heard = MemoryLink(), []
     for _ in range(2):
-        link.listen(lambda topic, payload: heard.append((topic, payload)))
-    link.publish(t.STATE, b"s")
+        link.listen(lambda topic, message: heard.append((topic, message)))
+    link.publish(t.STATE, state := Message())
     link.close()
-    link.publish(t.STATE, b"late")
-    assert heard == [(t.STATE, b"s")] * 2
+    link.publish(t.STATE, Message())
+    assert heard == [(t.STATE, state)] * 2

@@ -1,8 +1,9 @@
-"""An operators' network inside one process, for simulation: the same bytes, no Zenoh."""
+"""An operators' network in one process, for simulation: no Zenoh, commands are the same bytes."""
 
 from collections import deque
 from collections.abc import Callable
 
+from ...protocols.messages.messages import Message
 from ...protocols.topics import TICK, Flow, Topic
 from ...server.operators.link import RawMessage, Receive, room
 
@@ -12,7 +13,7 @@ class MemoryLink:
 
     def __init__(self) -> None:
         self._rings: dict[str, deque[RawMessage]] = {}
-        self._listeners: list[Callable[[Topic, bytes], None]] = []
+        self._listeners: list[Callable[[Topic, Message], None]] = []
 
     def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
         """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
@@ -33,8 +34,8 @@ class MemoryLink:
 
         self._ring(topic).append(RawMessage(payload, proof, reply))
 
-    def listen(self, listener: Callable[[Topic, bytes], None]) -> None:
-        """Hand all telemetry to a listener as it is published."""
+    def listen(self, listener: Callable[[Topic, Message], None]) -> None:
+        """Hand all telemetry to a listener as it is published; messages are not encoded."""
         self._listeners.append(listener)
 
     def room(self, topic: Topic) -> int:
@@ -46,10 +47,10 @@ class MemoryLink:
         ring = self._ring(topic)
         return lambda: ring.popleft() if ring else None
 
-    def publish(self, topic: Topic, payload: bytes) -> None:
+    def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry."""
         for listener in self._listeners:
-            listener(topic, payload)
+            listener(topic, message)
 
     def heard(self, topic: Topic) -> bool:
         """Return whether anybody listens; nobody to ticks, which a recorder has from the cycle."""

@@ -13,6 +13,8 @@ from typing import Final
 
 from ...config.load import Cell, load_cell
 from ...protocols import topics as t
+from ...protocols.codec import encode
+from ...protocols.messages.messages import Message
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault
 from ..client.operator import Operator
@@ -42,9 +44,9 @@ class MemoryBuffer:
         """Listen no more."""
         self._kept = deque(maxlen=0)
 
-    def _hear(self, topic: t.Topic, payload: bytes) -> None:
+    def _hear(self, topic: t.Topic, message: Message) -> None:
         if topic is self._topic:
-            self._kept.append(payload)
+            self._kept.append(encode(message))
 
 
 class MemoryLine:

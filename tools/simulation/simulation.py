@@ -1,7 +1,8 @@
 """Daemon logic and rig in one process, in virtual time: deterministic, faster than real time.
 
 The same CAN frames go over an in-process bus, and the script's operator goes through the same
-codec, lease and mailboxes as a real one; only the network and the wall clock are missing.
+codec, lease and mailboxes as a real one; only the network and the wall clock are missing, and
+telemetry is handed over as the message that it is.
 """
 
 import hashlib
@@ -16,7 +17,7 @@ from ...drivers.bus import CanMessage
 from ...drivers.device import DeviceError
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
-from ...protocols.codec import decode_as, encode
+from ...protocols.codec import encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.messages import Reflection
 from ...protocols.messages.rig import RigTruth
@@ -216,24 +217,21 @@ class Simulation:
     def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
         self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)
 
-    def _on_telemetry(self, topic: t.Topic, payload: bytes) -> None:
-        if topic is t.STATE:
-            state = decode_as(State, payload, topic.max_bytes)
-            self.states.append(state)
-            self.player.on_state(state)
+    def _on_telemetry(self, _topic: t.Topic, message: m.Message) -> None:
+        if isinstance(message, State):
+            self.states.append(message)
+            self.player.on_state(message)
             if self.scans is not None:
-                self.scans.on_state(state)
-            self._write("state", state)
-        elif topic is t.REFLECTION:
-            news = decode_as(Reflection, payload, topic.max_bytes)
-            self.player.on_reflection(news)
-            self._write("reflection", news)
-        elif topic is t.EVENT:
-            event = decode_as(Event, payload, topic.max_bytes)
-            self.events.append(event)
-            if event.name == "view_stored":
-                self.view.on_event(event, self.rig.truth())
-            self._write("event", event)
+                self.scans.on_state(message)
+            self._write("state", message)
+        elif isinstance(message, Reflection):
+            self.player.on_reflection(message)
+            self._write("reflection", message)
+        elif isinstance(message, Event):
+            self.events.append(message)
+            if message.name == "view_stored":
+                self.view.on_event(message, self.rig.truth())
+            self._write("event", message)
 
     def _write(self, topic: str, message: m.Message) -> None:
         if self._recorder is not None:
