@@ -183,22 +183,21 @@ class Hub:
     def __init__(self) -> None:
         self.time_s = 0.0
         self.pump: Callable[[], None] | None = None
-        self._members: list[InProcessBus] = []
+        self._members: tuple[InProcessBus, ...] = ()
         self._underway: deque[tuple[InProcessBus, can.Message]] = deque()
         self._delivering = False
 
     def join(self, member: "InProcessBus") -> None:
         """Make a bus a member: it hears what the others send from now on."""
-        self._members.append(member)
+        self._members = (*self._members, member)
 
     def leave(self, member: "InProcessBus") -> None:
         """Take a bus out again; one that is no member already is no error."""
-        if member in self._members:
-            self._members.remove(member)
+        self._members = tuple(m for m in self._members if m is not member)
 
     def close(self) -> None:
         """Let every member leave."""
-        for member in tuple(self._members):
+        for member in self._members:
             member.shutdown()
 
     def deliver(self, sender: "InProcessBus", message: can.Message) -> None:
@@ -214,7 +213,7 @@ class Hub:
         try:
             while self._underway:
                 source, frame = self._underway.popleft()
-                for member in tuple(self._members):
+                for member in self._members:
                     if member is not source:
                         member.accept(frame)
         finally:

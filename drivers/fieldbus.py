@@ -281,17 +281,18 @@ class Fieldbus:
         if can_id in self._masters:
             self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
             return
-        if can_id in self._answers and not self._asked_for(can_id, bytes(message.data)):
+        data = bytes(message.data)
+        if can_id in self._answers and not self._asked_for(can_id, data):
             return
         handler = self._handlers.get(can_id)
         # An interface that does not stamp leaves 0: what goes by instants has to have some.
         stamp = message.timestamp or self.now
         try:
             if handler is not None:
-                handler(bytes(message.data), stamp)
-            elif can_id == self._awaited and len(message.data) != _SDO_BYTES:
+                handler(data, stamp)
+            elif can_id == self._awaited and len(data) != _SDO_BYTES:
                 self.malformed += 1  # canopen would look for more in it
-            elif can_id > _HEARTBEATS and (not message.data or message.data[0] not in _STATES):
+            elif can_id > _HEARTBEATS and (not data or data[0] not in _STATES):
                 self.malformed += 1  # canopen would keep a state that it cannot name
             elif can_id in self._for_canopen or can_id == self._awaited:
                 # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.

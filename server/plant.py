@@ -1,7 +1,7 @@
 """All devices of one cell as one thing, through the contract and the roles of their drivers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,7 @@ TOGETHER_S = 3e-4
 """Drives on several buses sample together if their SYNCs went out within [s]."""
 
 
-@dataclass(frozen=True)
-class UnitReading:
+class UnitReading(NamedTuple):
     """Newest readings of one arm's devices."""
 
     q: Array | None
@@ -64,8 +63,7 @@ class UnitReading:
         return None if mean is None else (mean.wrench, self.wrench_mean_lag_s)
 
 
-@dataclass(frozen=True)
-class PlantReading:
+class PlantReading(NamedTuple):
     """Newest readings of all devices."""
 
     q: Array | None
@@ -80,9 +78,9 @@ class PlantReading:
     units: tuple[UnitReading, ...]
     """The same for each arm, with what its force/torque sensor tells."""
     trouble: Trouble | None
-    interlock: str | None = None
+    interlock: str | None
     """Why a device lets the arms not move; None: all let them."""
-    values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    values: Mapping[str, Mapping[str, Value]]
     """Readings of the devices, by their names."""
 
     @property

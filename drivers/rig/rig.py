@@ -128,7 +128,7 @@ class Rig:
         """Advance nodes, position loops and physics by one physics step."""
         now = self._time_s + 1e-7
         for link in self._links:
-            if link.waiting:
+            if link.late:
                 link.flush()
         beyond = self._loop.beyond
         for node in self._before:
@@ -193,7 +193,7 @@ class Rig:
         """Return what is really the case now."""
         arms = {name: self._arm_truth(i) for i, name in enumerate(self._names)}
         first = arms[self._names[0]]
-        return RigTruth(
+        return RigTruth.model_construct(
             time_s=self._time_s,
             sync_count=self.sync_count,
             q=tuple(self.world.q.tolist()),
@@ -214,7 +214,7 @@ class Rig:
 
     def _arm_truth(self, arm: int) -> ArmTruth:
         contacts = self.world.contacts
-        return ArmTruth(
+        return ArmTruth.model_construct(
             pose_mrf=_six(*self.world.mrf_pose(arm)),
             contact_force=_three(contacts.force(arm)),
             contact_sum=contacts.total(arm),
@@ -223,7 +223,7 @@ class Rig:
 
     def _beam_truth(self, beam: Beam) -> BeamTruth:
         payload = len(self._names)
-        return BeamTruth(
+        return BeamTruth.model_construct(
             pose=_six(*beam.pose()),
             grasps=tuple((a, b, c, d, e, f) for a, b, c, d, e, f in beam.wrenches.tolist()),
             internal_force=beam.internal_force(),

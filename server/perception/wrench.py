@@ -401,8 +401,9 @@ class LoadMonitor:
         # Nothing acts before the arm is enabled, and nothing shall in the first tick.
         if self.trust is LoadTrust.JUDGED:
             return self._mode is not Mode.ENABLED
-        told = self.trust is LoadTrust.ACKNOWLEDGED or self._measured.quiet()
-        return not (self._mode.energised or told)
+        if self._mode.energised or self.trust is LoadTrust.ACKNOWLEDGED:
+            return False
+        return not self._measured.quiet()
 
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""

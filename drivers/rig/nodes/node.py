@@ -41,7 +41,8 @@ class NodeLink:
         self._bus = bus
         self._clock = clock
         self._rng = rng
-        self._late: list[tuple[float, bool, Frame]] = []
+        self.late: list[tuple[float, bool, Frame]] = []
+        """Frames under way: when they arrive [s], whether they go outward."""
         self.on_frame: Callable[[int, bytes], None] = _ignore
         self.silent = False
         self.drop = 0.0
@@ -55,11 +56,6 @@ class NodeLink:
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand the node a frame from the bus, if the faults let it through."""
         self._pass(can_id, data, outward=False)
-
-    @property
-    def waiting(self) -> bool:
-        """Whether late frames are under way."""
-        return bool(self._late)
 
     def disturb(self, fault: RigFault) -> None:
         """Apply a fault of the connection, or take it back. Raises `ValueError` for a bad value."""
@@ -76,8 +72,8 @@ class NodeLink:
     def flush(self) -> None:
         """Let go of the late frames whose time has come, in order."""
         now = self._clock() + 1e-9
-        while self._late and self._late[0][0] <= now:
-            _, outward, frame = self._late.pop(0)
+        while self.late and self.late[0][0] <= now:
+            _, outward, frame = self.late.pop(0)
             if not self.silent:
                 self._hand_on(frame, outward)
 
@@ -88,8 +84,8 @@ class NodeLink:
             return
         if self.corrupt > 0 and data and self._rng.random() < self.corrupt:
             data = self._flip(data)
-        if self.delay_s > 0 or self._late:
-            self._late.append((self._clock() + self.delay_s, outward, (can_id, data)))
+        if self.delay_s > 0 or self.late:
+            self.late.append((self._clock() + self.delay_s, outward, (can_id, data)))
         else:
             self._hand_on((can_id, data), outward)
 

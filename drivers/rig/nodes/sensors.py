@@ -147,9 +147,9 @@ class SimulatedForceTorque:
             return
         if not self._frozen or self._last is None:
             reading = self._reading() + self._rng.normal(size=6) * self._noise
-            held = np.clip(reading, -self._range, self._range)
+            held = np.minimum(np.maximum(reading, -self._range), self._range)
             # One bit for each axis; nobody reads more of it than whether it is zero.
-            overload = int((1 << np.flatnonzero(held != reading)).sum())
+            overload = sum(1 << i for i, over in enumerate((held != reading).tolist()) if over)
             x, y, z, mx, my, mz = (held - self._offset).tolist()
             sample = robotous.Sample((x, y, z), (mx, my, mz), overload, 0)
             self._last = robotous.encode_sample(sample)

@@ -45,8 +45,8 @@ class Contacts:
         self._side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
         self._rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
         self._wrench = np.zeros(6)
-        self._totals = tuple(deque([0.0] * steps, steps) for _ in roots)
-        self._own = deque([0.0] * steps, steps)
+        self._newest = tuple(deque([0.0] * steps, steps) for _ in (*roots, OWN))
+        """Sums of every side in the newest steps [N], the last of `OWN`."""
 
     def force(self, side: int) -> Vector:
         """Return the net force (3,) [N] of an arm, or the payload, on what stands, in World."""
@@ -71,22 +71,20 @@ class Contacts:
 
     def peak(self, side: int) -> float:
         """Return the greatest `total` of the newest period [N]."""
-        return max(self._totals[side])
+        return max(self._newest[side])
 
     def own_peak(self) -> float:
         """Return the greatest `own` of the newest period [N]."""
-        return max(self._own)
+        return max(self._newest[OWN])
 
     def note(self) -> None:
         """Take in the contacts of one physics step."""
-        *totals, own = self._sums()
-        for newest, total in zip(self._totals, totals, strict=True):
+        for newest, total in zip(self._newest, self._sums(), strict=True):
             newest.append(total)
-        self._own.append(own)
 
     def _sums(self) -> list[float]:
         """Return the sums of every side [N], the last for `OWN`."""
-        sums = [0.0] * (len(self._totals) + 1)
+        sums = [0.0] * len(self._newest)
         if not self._data.ncon:
             return sums
         forces: dict[tuple[int, int], Vector] = {}
