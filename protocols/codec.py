@@ -54,7 +54,7 @@ class CodecError(ValueError):
 def encode(message: Message) -> bytes:
     """Return a message as MessagePack.
 
-    Validates nothing, so that one built with `model_construct` from plain numbers and tuples
+    Validates nothing, so that one built with `of_valid` from plain numbers and tuples
     costs no more than its packing. Raises `TypeError` for a value that MessagePack has no type for.
     """
     fields = {"v": VERSION, **message.__dict__}

@@ -95,7 +95,7 @@ class Events:
         suppressed = self._suppressed.pop(kind, 0)
         if suppressed:
             values = {**values, "suppressed": suppressed}
-        event = Event.model_construct(
+        event = Event.of_valid(
             id=self._next_id,
             tick=self.tick,
             time_s=self.time_s,

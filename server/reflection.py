@@ -207,10 +207,11 @@ class Reflector:
 
     def message(self, tick: int) -> Reflection:
         """Return what the operator is told, in the axes of the handle's newest news."""
-        return Reflection.model_construct(
+        return Reflection.of_valid(
             tick=tick,
             wrench=tuple((-rotate_twist(self._R_world_axes.T, self.wrench)).tolist()),
             slope=self.slope,
             entered=self.port.entered,
             protected=self.protected,
+            task=None,
         )

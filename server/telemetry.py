@@ -109,7 +109,7 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
         _of_task(record, unit, output, own.wrench)
         for unit, output, own in zip(units.each, outputs, reading.units, strict=True)
     ]
-    return State.model_construct(
+    return State.of_valid(
         **tasks[0],
         tick=record.tick,
         time_s=record.time_s,
@@ -131,11 +131,11 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
         command_age_ticks=admission.age_ticks,
         overruns=record.overruns,
         tasks={
-            unit.task: TaskState.model_construct(**told)
+            unit.task: TaskState.of_valid(**told)
             for unit, told in zip(units.each[1:], tasks[1:], strict=True)
         }
         | {
-            joint.task: TaskState.model_construct(**_of_task(record, joint, joint.output, None))
+            joint.task: TaskState.of_valid(**_of_task(record, joint, joint.output, None))
             for joint in units.joint
             if joint.output is not None
         },
@@ -220,7 +220,7 @@ class Telemetry:
                 memory = b"" if row.memories is None else pack_memories(row.memories)
             except TypeError:  # a value that cannot be recorded: the arm goes on all the same
                 memory = b""
-            told = RecordedTick.model_construct(
+            told = RecordedTick.of_valid(
                 tick=row.tick, stamp_ns=row.stamp_ns, data=row.data, memory=memory
             )
             self._link.publish(TICK, told)

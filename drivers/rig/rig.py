@@ -193,7 +193,7 @@ class Rig:
         """Return what is really the case now."""
         arms = {name: self._arm_truth(i) for i, name in enumerate(self._names)}
         first = arms[self._names[0]]
-        return RigTruth.model_construct(
+        return RigTruth.of_valid(
             time_s=self._time_s,
             sync_count=self.sync_count,
             q=tuple(self.world.q.tolist()),
@@ -214,7 +214,7 @@ class Rig:
 
     def _arm_truth(self, arm: int) -> ArmTruth:
         contacts = self.world.contacts
-        return ArmTruth.model_construct(
+        return ArmTruth.of_valid(
             pose_mrf=_six(*self.world.mrf_pose(arm)),
             contact_force=_three(contacts.force(arm)),
             contact_sum=contacts.total(arm),
@@ -223,7 +223,7 @@ class Rig:
 
     def _beam_truth(self, beam: Beam) -> BeamTruth:
         payload = len(self._names)
-        return BeamTruth.model_construct(
+        return BeamTruth.of_valid(
             pose=_six(*beam.pose()),
             grasps=tuple((a, b, c, d, e, f) for a, b, c, d, e, f in beam.wrenches.tolist()),
             internal_force=beam.internal_force(),

@@ -1,7 +1,7 @@
 """Messages of the lease holder, field by field, with frame, shape and unit."""
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -58,6 +58,20 @@ class Message(BaseModel):
     """Anything that crosses Zenoh: immutable, no unknown fields, finite numbers only."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def of_valid(cls, **fields: Any) -> Self:
+        """Return a message of fields that are known to be valid, each of them given.
+
+        Judges nothing and fills nothing in: in a tick `model_construct` takes ten times as long.
+        """
+        message = cls.__new__(cls)
+        set_slot = object.__setattr__
+        set_slot(message, "__dict__", fields)
+        set_slot(message, "__pydantic_fields_set__", set(fields))
+        set_slot(message, "__pydantic_extra__", None)
+        set_slot(message, "__pydantic_private__", None)
+        return message
 
 
 # --- commands: what the lease holder sends ---------------------------------------------------
