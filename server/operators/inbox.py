@@ -80,9 +80,8 @@ class Inbox:
         self._clock = clock
         self._budget_s = PART * period_s
         self._boxes = {x.key: deque[QueuedMessage](maxlen=x.unread) for x in (*FIRST, *REST)}
-        self._first, self._rest, self._sensors = (
-            [(x, link.source(x)) for x in topics] for topics in (FIRST, REST, t.SENSORS)
-        )
+        self._first, self._rest = ([(x, link.source(x)) for x in part] for part in (FIRST, REST))
+        self._sensors = [(x, link.source(x), link.room(x)) for x in t.SENSORS]
         self._waiting = 0
         """Letters in all mailboxes."""
         self._refusals: dict[str, Refusal] = {}
@@ -144,7 +143,7 @@ class Inbox:
     def sensors(self) -> Iterator[QueuedMessage]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
         end_s = self._clock() + self._budget_s
-        waiting = [(topic, take, self._link.room(topic)) for topic, take in self._sensors]
+        waiting = self._sensors
         while waiting:
             still = []
             for topic, take, left in waiting:

@@ -585,8 +585,10 @@ class UnchangingForce:
             self._ticks += 1
             if self._ticks % BLOCK == 0:
                 self._learn(mode.energised and trust is not LoadTrust.SETTLING)
-        acts = np.array(sizes(self._learned)) > self._deadband
-        if not acts.any():
+        acts = [
+            size > most for size, most in zip(sizes(self._learned), self._deadband, strict=True)
+        ]
+        if not any(acts):
             return None
         if mode is Mode.ENABLED and self._settings.on["following"]:
             self._tell()
