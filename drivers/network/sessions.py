@@ -7,6 +7,7 @@ is told of anybody else. With an identity, both sides of every link show a certi
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import zenoh
 
@@ -173,3 +174,19 @@ def _config(settings: Mapping[str, object]) -> "zenoh.Config":
     for key, value in {**_COMMON, **settings}.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+class Hearing:
+    """Whether anybody listens to a publisher, as far as the network knows. Nothing calls back."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._changes: Any = publisher.declare_matching_listener(zenoh.handlers.RingChannel(1))
+        status: Any = publisher.matching_status  # a bool, its stubs say
+        self._heard = bool(status.matching)
+
+    def __bool__(self) -> bool:
+        """Take in the newest change."""
+        change = self._changes.try_recv()
+        if change is not None:
+            self._heard = bool(change.matching)
+        return self._heard

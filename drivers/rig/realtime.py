@@ -31,6 +31,11 @@ class FaultSource(Protocol):
         """Return the faults and motions that came in."""
         ...
 
+    @property
+    def heard(self) -> bool:
+        """Whether the truth is wanted now."""
+        ...
+
     def publish(self, truth: RigTruth) -> None:
         """Take the truth."""
         ...
@@ -88,7 +93,7 @@ def run_realtime(
                 _inject(rig, fault, pace, tell)
         rig.step()
         pace.steps += 1
-        if judge is not None and rig.time_s >= next_truth_s:
+        if judge is not None and rig.time_s >= next_truth_s and judge.heard:
             judge.publish(rig.truth())
             next_truth_s = rig.time_s + TRUTH_PERIOD_S - rig.dt / 2
         deadline += rig.dt

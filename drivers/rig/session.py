@@ -15,7 +15,7 @@ from ...protocols.messages.telemetry import State
 from ...protocols.sick import SUBSCRIBE, TelegramCutter, TelegramError, framed
 from ..device import DeviceError
 from ..network.identity import Identity
-from ..network.sessions import dialling_config
+from ..network.sessions import Hearing, dialling_config
 from ..scanner import host_and_port
 from .nodes.sensors import SimulatedScanner
 
@@ -57,6 +57,7 @@ class RigSession:
             topics.RIG_TRUTH.full_key(cell),
             congestion_control=zenoh.CongestionControl.DROP,
         )
+        self._truth_heard = Hearing(self._truth)
         self._states = (
             self._session.declare_subscriber(
                 topics.STATE.full_key(cell), zenoh.handlers.RingChannel(1)
@@ -105,6 +106,11 @@ class RigSession:
                 yield codec.decode_as(kind, sample.payload.to_bytes(), max_bytes)
             except codec.CodecError:
                 self.refused += 1
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens to the truth."""
+        return bool(self._truth_heard)
 
     def publish(self, truth: RigTruth) -> None:
         """Send the truth; dropped where nobody can take it."""

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
-from typing import Any, Final, Literal, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple, Protocol
 
 import zenoh
 
@@ -15,7 +15,7 @@ from ...config.schema.network import ZenohSection
 from ...drivers.device import DeviceError
 from ...drivers.network.certificates import known
 from ...drivers.network.identity import Identity
-from ...drivers.network.sessions import member_config, router_config
+from ...drivers.network.sessions import Hearing, member_config, router_config
 from ...protocols.codec import encode
 from ...protocols.messages.messages import Message
 from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
@@ -206,9 +206,7 @@ class ZenohLink:
         self._answers = AnswerThread()
         self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._listeners: dict[str, Callable[[], Any]] = {}
-        """What takes the newest change of whether a topic has listeners; None without one."""
-        self._heard: dict[str, bool] = {}
+        self._hearings: dict[str, Hearing] = {}
 
     def room(self, topic: Topic) -> int:
         """Return how many messages of a topic wait at most."""
@@ -232,15 +230,10 @@ class ZenohLink:
 
     def heard(self, topic: Topic) -> bool:
         """Return whether anybody listens to a telemetry topic, as far as the network knows."""
-        key = topic.key
-        if key not in self._heard:
-            publisher = self._publisher(topic)
-            listener = publisher.declare_matching_listener(zenoh.handlers.RingChannel(1))
-            status: Any = publisher.matching_status  # a bool, its stubs say
-            self._listeners[key], self._heard[key] = listener.try_recv, bool(status.matching)
-        if (change := self._listeners[key]()) is not None:
-            self._heard[key] = bool(change.matching)
-        return self._heard[key]
+        hearing = self._hearings.get(topic.key)
+        if hearing is None:
+            hearing = self._hearings[topic.key] = Hearing(self._publisher(topic))
+        return bool(hearing)
 
     def _publisher(self, topic: Topic) -> "zenoh.Publisher":
         publisher = self._publishers.get(topic.key)

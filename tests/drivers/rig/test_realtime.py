@@ -34,7 +34,7 @@ class Listener:
 
     def __init__(self, *faults: RigFault) -> None:
         self.waiting = list(faults)
-        self.truths: list[RigTruth] = []
+        self.heard, self.truths = True, list[RigTruth]()
 
     def faults(self) -> list[RigFault]:
         waiting, self.waiting = self.waiting, []
@@ -198,3 +198,22 @@ def test_a_judge_is_told_the_truth_every_ten_milliseconds_and_may_inject(master:
     assert 99 <= len(judge.truths) <= 101
     assert master.rig.drives["e1"].link.silent
     assert pace.refused == 1
+
+
+def test_a_truth_that_nobody_hears_is_not_found_and_a_late_judge_gets_the_next(
+    master: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, judge, found = Clock(), Listener(), [0]
+    truth = master.rig.truth
+
+    def counted() -> RigTruth:
+        found[0] += 1
+        return truth()
+
+    monkeypatch.setattr(master.rig, "truth", counted)
+    judge.heard = False
+    run(master, clock, 0.5, judge)
+    assert found == [0]
+    judge.heard = True
+    run(master, clock, 0.02, judge)
+    assert judge.truths

@@ -50,6 +50,7 @@ def test_it_runs_without_a_router_and_finds_one_that_comes_later(
     )
     key = topics.RIG_FAULT.full_key("pa10")
     truth, faults = None, []
+    assert not session.heard
     for _ in range(TRIES):
         session.publish(TRUTH)
         router.put(key, b"no message")
@@ -58,6 +59,7 @@ def test_it_runs_without_a_router_and_finds_one_that_comes_later(
         faults += session.faults()
         if truth is not None and faults:
             break
+    assert session.heard
     router.close()
     assert truth is not None
     assert codec.decode_as(RigTruth, truth.payload.to_bytes()) == TRUTH
