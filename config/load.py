@@ -110,15 +110,17 @@ class Cell:
         return script_path(self.config.default_script, self.path.parent)
 
 
-def altered(cell: Cell, changes: Mapping[str, Any]) -> Cell:
+def altered(cell: Cell, changes: Mapping[str, Any], table: str = "") -> Cell:
     """Return a cell with other values, by their keys: `{"rig.wall.stiffness": 2000.0}`.
 
-    A number stands for an entry of a list: `rig.boxes.0.xyz`. Each value is judged as a file's is,
+    They are keys of a `table` where one is named: `{"stiffness": 2000.0}, "rig.wall"`. A number
+    stands for an entry of a list: `rig.boxes.0.xyz`. Each value is judged as a file's is,
     in its own table; not whether tables agree. Raises `ConfigError` for a key that is not there,
     or a value that may not be.
     """
     config = cell.config
-    for key, value in changes.items():
+    for name, value in changes.items():
+        key = f"{table}.{name}" if table else name
         config = _altered(config, key.split("."), value, f"{cell.path}: {key}")
     return replace(cell, config=config)
 

@@ -52,3 +52,17 @@ def test_no_public_class_is_defined_twice_in_a_room():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 where[path.parent, node.name].add(path.name)
     assert {name: sorted(files) for (_, name), files in where.items() if len(files) > 1} == {}
+
+
+def test_no_test_builds_a_cell_by_copies_of_its_tables():
+    """`altered` names the keys that are other ones, and a misspelt one is an error."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in modules("tests")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Attribute)
+        and node.attr == "model_copy"
+        and "config" in ast.unparse(node.value).split(".")
+        and path.name != "test_altered.py"
+    ]
+    assert found == []

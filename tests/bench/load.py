@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection, WorkspaceSection
 from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.spatial import Array
@@ -57,9 +57,7 @@ def among(cell: Cell, count: int) -> Cell:
         workspace=WorkspaceSection(low=(-3.0, -3.0, -1.0), high=(3.0, 3.0, 3.0)),
     )
     told = {"obstacles": tuple(found), "avoidance": avoidance}
-    first, *others = (
-        replace(part, config=part.config.model_copy(update=told), others=()) for part in cell.parts
-    )
+    first, *others = (altered(part, told) for part in cell.parts)
     return replace(first, others=tuple(others), joint_tasks=cell.joint_tasks)
 
 
@@ -134,17 +132,16 @@ def chain(cell: Cell, joints: int, folder: Path) -> Cell:
         for i, name in enumerate(names)
     )
     ready = tuple(0.0 if i % 2 == 0 else 2.4 / (joints // 2) for i in range(joints))
-    mechanism = mechanism.model_copy(
-        update={
-            "urdf": str(path),
-            "tip_link": "tip",
-            "drives": drives,
-            "postures": dict.fromkeys(mechanism.postures, ready),
-        }
+    made = altered(
+        cell,
+        {
+            "mechanism.urdf": str(path),
+            "mechanism.tip_link": "tip",
+            "mechanism.drives": drives,
+            "mechanism.postures": dict.fromkeys(mechanism.postures, ready),
+        },
     )
-    robot = read_robot(path, "tip", str(path))
-    config = cell.config.model_copy(update={"mechanism": mechanism})
-    return Cell(path=path, config=config, robot=robot)
+    return Cell(path=path, config=made.config, robot=read_robot(path, "tip", str(path)))
 
 
 def _urdf(joints: int) -> str:

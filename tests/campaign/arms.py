@@ -8,7 +8,7 @@ and the commanded arms are never nearer to each other than the cell promises.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.drivers.rig.physics.world import World
 from telerobot.protocols import topics as t
@@ -94,9 +94,7 @@ def placed(cell: Cell, draw: Draw) -> Cell:
             xyz = (float(draw.uniform(-ahead, ahead)), side * float(draw.uniform(*beside)), 0.0)
             rpy = (0.0, 0.0, float(draw.uniform(-turned, turned)))
             base = PoseSection(xyz=xyz, rpy=rpy)
-            mechanism = part.config.mechanism.model_copy(update={"T_world_base": base})
-            config = part.config.model_copy(update={"mechanism": mechanism})
-            parts.append(replace(part, config=config))
+            parts.append(altered(part, {"mechanism.T_world_base": base}))
         made = replace(parts[0], others=tuple(parts[1:]))
         if _between(World(made)) > AT_START:
             return made

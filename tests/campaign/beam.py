@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.joint_task import JointTaskSection
 from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.protocols.messages.rig import RigTruth
@@ -119,12 +119,10 @@ def drawn(cell: Cell, draw: Draw) -> Cell:
     beam = rig.beam.model_copy(
         update={"mass": mass, "com": com, "misfit": ((0.0, 0.0, 0.0), (x, y, z)), "pegs": ()}
     )
-    config = cell.config.model_copy(
-        update={"rig": rig.model_copy(update={"beam": beam, "holes": ()})}
-    )
     told = mass * float(draw.uniform(1.0 - TOLD_MASS, 1.0 + TOLD_MASS))
     a, b, c = (np.array(com) + draw.uniform(-TOLD_COM, TOLD_COM, 3)).tolist()
-    return replace(cell, config=config, joint_tasks=(_task(task, told, (a, b, c), draw),))
+    cell = altered(cell, {"rig.beam": beam, "rig.holes": ()})
+    return replace(cell, joint_tasks=(_task(task, told, (a, b, c), draw),))
 
 
 def _task(

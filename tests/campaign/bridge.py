@@ -7,11 +7,11 @@ to be passed, most of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from laboratory.oracle.duck import FoldingArm, gate_of, passable
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.server.perception.ahead import REASONS
 from telerobot.tools.scripts.script import Script
@@ -121,8 +121,7 @@ def play(seed: int) -> Ducked:
     config = cell.config
     if config.rig is None:
         raise ValueError(f"cell {config.name} has no [rig]")
-    rig = config.rig.model_copy(update={"bridge": made, "seed": seed})
-    cell = replace(cell, config=config.model_copy(update={"rig": rig}))
+    cell = altered(cell, {"rig.bridge": made, "rig.seed": seed})
     most_s = min(MOST_S, (made.distance + BEYOND_M) / speed + SPARE_S)
     steps: list[dict[str, object]] = [{"at_s": 0.3, "cmd/drive": {"rates": [speed, 0.0]}}]
     run = Simulation(cell, Script.model_validate({"duration_s": most_s, "step": steps}))

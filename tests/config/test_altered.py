@@ -24,6 +24,7 @@ def test_values_are_altered_by_their_keys_and_nothing_else_is():
     assert (rig.wall.stiffness, rig.boxes[0].name, rig.seed) == (2000.0, "bench", 7)
     assert cell.config.mechanism.postures["start"] == (0.0,) * 7
     assert cell.config.mechanism.postures["ready"] == PA10.config.mechanism.postures["ready"]
+    assert altered(PA10, {"stiffness": 2000.0}, "rig.wall").config.rig.wall == rig.wall
     assert altered(cell, {"rig": PA10.config.rig, "mechanism": PA10.config.mechanism}) == PA10
 
 

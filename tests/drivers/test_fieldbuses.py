@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import can
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.bus import BusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.canopen.servo import ServoDrive
@@ -116,13 +116,11 @@ def test_a_second_master_on_the_second_bus_keeps_every_drive_from_being_opened(p
 
 
 def test_waiting_ends_when_any_bus_has_something(tmp_path):
-    base = load_cell("pa10")
     names = ("239.74.163.77", "239.74.163.78")
     buses = tuple(
         BusSection(name=f"b{i}", channel=name, port=43977) for i, name in enumerate(names)
     )
-    config = base.config.model_copy(update={"buses": buses})
-    cell = SimpleNamespace(config=config)
+    cell = altered(load_cell("pa10"), {"buses": buses})
     ours, others = (open_buses(cell, lambda: 0.0) for _ in range(2))
     heard = []
     ours[1].listen(0x123, lambda data, _stamp: heard.append(data))

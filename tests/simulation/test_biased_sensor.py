@@ -1,7 +1,5 @@
 """A sensor with a bias that nobody told of, or that was told wrong, does not swing the arm."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
@@ -30,14 +28,16 @@ def cell(mode, bias=(0.0,) * 6, **rig):
     Its motors give torque as soon as the brakes open: nothing sinks before.
     """
     loaded = load_cell("pa10_hand_torque")
-    config = loaded.config
-    sensor = config.mechanism.force_torque
-    told = sensor.model_copy(update={"bias": tuple(np.subtract(sensor.bias, bias))})
-    mechanism = config.mechanism.model_copy(update={"operation_mode": mode, "force_torque": told})
-    drive = config.rig.drive.model_copy(update={"torque_delay_s": 0.0})
-    rig = config.rig.model_copy(update={"drive": drive, **rig})
-    config = config.model_copy(update={"mechanism": mechanism, "rig": rig})
-    return dataclasses.replace(loaded, config=config)
+    told = np.subtract(loaded.config.mechanism.force_torque.bias, bias)
+    return altered(
+        loaded,
+        {
+            "mechanism.operation_mode": mode,
+            "mechanism.force_torque.bias": tuple(told),
+            "rig.drive.torque_delay_s": 0.0,
+            **{f"rig.{key}": value for key, value in rig.items()},
+        },
+    )
 
 
 def play(cell, *steps, seconds):

@@ -1,10 +1,8 @@
 """Enabling moves nothing: drives hold their joints, and know the load, before brakes open."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -31,16 +29,12 @@ CELLS = {
 
 def moved(name, mode):
     """Return how far any joint goes from where it stood [rad]."""
-    cell = load_cell(name)
-    mechanism = cell.config.mechanism.model_copy(update={"operation_mode": mode})
-    rig = cell.config.rig
-    if rig.frames is not None:
+    cell = altered(load_cell(name), {"mechanism.operation_mode": mode})
+    if cell.config.rig.frames is not None:
         # The tool keeps its place beside a platform that seems to sway: that is asked for.
-        still = rig.frames.model_copy(update={"noise": (0.0, 0.0)})
-        rig = rig.model_copy(update={"frames": still})
-    config = cell.config.model_copy(update={"mechanism": mechanism, "rig": rig})
+        cell = altered(cell, {"rig.frames.noise": (0.0, 0.0)})
     simulation = Simulation(
-        dataclasses.replace(cell, config=config),
+        cell,
         Script.model_validate({"duration_s": 0.35, "step": []}),
     )
     way = []

@@ -1,10 +1,9 @@
 """A rover in the whole closed loop: daemon, drives, physics, every ray of its scanner."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -15,12 +14,8 @@ def rover(
 ) -> Simulation:
     """A run with a bridge that is near."""
     cell = load_cell("rover_bridge")
-    rig = cell.config.rig
-    near = rig.bridge.model_copy(update={"distance": 1.7} | bridge)
-    rig = rig.model_copy(update={"bridge": near})
-    contour = cell.config.contour.model_copy(update={"rule": rule})
-    told = {"rig": rig, "contour": contour}
-    cell = replace(cell, config=cell.config.model_copy(update=told))
+    cell = altered(cell, {"contour.rule": rule, "rig.bridge.distance": 1.7})
+    cell = altered(cell, bridge, "rig.bridge")
     return Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))
 
 

@@ -1,10 +1,9 @@
 """Bridges and scanners that misbehave while a rover drives: each ends in a stated, safe state."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import BoxSection, RigBridgeSection, RigPersonSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
@@ -24,8 +23,7 @@ def rover(
     `news` is of an obstacle that is not there.
     """
     cell = load_cell("rover_bridge")
-    rig = cell.config.rig.model_copy(update={"bridge": bridge, "person": person, "boxes": boxes})
-    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    cell = altered(cell, {"rig.bridge": bridge, "rig.person": person, "rig.boxes": boxes})
     steps = [{"at_s": at_s, "cmd/drive": {"rates": [speed, 0.0]}} for at_s, speed in drives]
     steps += [] if news is None else [{"at_s": 0.4, "sensor/obstacle": news}]
     return Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))

@@ -11,10 +11,7 @@ EVERYWHERE = "tcp/0.0.0.0:7447"
 
 def reachable(cell, **security):
     """Return a cell whose daemon is reached from everywhere, with these words on security."""
-    zenoh = moved(cell, endpoint=EVERYWHERE).config.zenoh
-    told = zenoh.security.model_copy(update=security)
-    zenoh = zenoh.model_copy(update={"security": told})
-    return altered(cell, {"zenoh": zenoh})
+    return altered(moved(cell, endpoint=EVERYWHERE), security, "zenoh.security")
 
 
 def test_it_is_the_first_event_and_told_to_who_takes_the_lease_and_described(play, pa10):

@@ -210,10 +210,6 @@ def test_a_stale_sensor_silences_the_force_source_and_says_so(play):
 
 
 def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(play, pa10):
-    mechanism = pa10.config.mechanism
-    sensor = mechanism.force_torque.model_copy(update={"essential": True})
-    mechanism = mechanism.model_copy(update={"force_torque": sensor})
-    config = pa10.config.model_copy(update={"mechanism": mechanism})
     run = play(
         MOVING,
         {"at_s": 1.0, "rig/fault": {"kind": "silence", "target": "force_torque"}},
@@ -221,7 +217,7 @@ def test_an_essential_sensor_that_falls_silent_stops_the_arm_until_it_is_back(pl
         {"at_s": 2.5, "rig/fault": {"kind": "silence", "target": "force_torque", "on": False}},
         {"at_s": 3.0, "operator/mode": {"action": "resume"}},
         seconds=3.5,
-        cell=dataclasses.replace(pa10, config=config),
+        cell=altered(pa10, {"mechanism.force_torque.essential": True}),
     )
     assert run.at(1.9).mode == "hold"
     assert [r for r in run.summary["refused"] if "sensor_stale" in r]
@@ -359,10 +355,7 @@ def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, firs
 
 def test_enabling_does_not_move_a_joint_that_sagged(play, pa10):
     """A brake opens before its drive holds: joints sag, and are held where they have sagged."""
-    rig = pa10.config.rig
-    drive = rig.drive.model_copy(update={"torque_delay_s": 0.02})
-    rig = rig.model_copy(update={"drive": drive})
-    cell = altered(pa10, {"rig": rig})
+    cell = altered(pa10, {"rig.drive.torque_delay_s": 0.02})
     off = {"at_s": 0.0, "operator/switch": {"source": "force", "on": False}}
     run = play(off, seconds=1.5, cell=cell)
     start = np.array(pa10.config.mechanism.postures["start"])

@@ -1,6 +1,5 @@
 """The arm follows a hand at rate level (CSP, CSV) and at torque level (CST), and stops safely."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -261,8 +260,7 @@ def test_in_cst_torques_are_planned_inside_their_bounds_and_what_is_held_back_is
         d.model_copy(update={"max_torque_rate": 400.0}) if d.joint == "s1" else d
         for d in cell.config.mechanism.drives
     )
-    mechanism = cell.config.mechanism.model_copy(update={"drives": drives})
-    tight = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    tight = altered(cell, {"mechanism.drives": drives})
     push = {**PUSH, "rig/fault": {**PUSH["rig/fault"], "vector": [0.0, 8.0, 0.0]}}
     run = played(tight, push, LET_GO, seconds=2.6)
     assert any("torque:s1" in state.limits for state in run.states)

@@ -5,7 +5,7 @@ The virtual world stands still; what is told of it is made up. Nobody touches th
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
@@ -197,8 +197,7 @@ def test_forged_obstacles_do_not_move_an_arm_that_is_to_stand(name):
     """It does not close in, and that is all."""
     cell = load_cell(name)
     avoidance = AvoidanceSection(**{**cell.config.avoidance.model_dump(), "standing": "stand"})
-    config = cell.config.model_copy(update={"avoidance": avoidance})
-    run = play(Cell(cell.path, config, cell.robot), comes)
+    run = play(altered(cell, {"avoidance": avoidance}), comes)
     assert run.summary["mode"] == "enabled"
     if name == "pa10_scene":
         inside = [gap for s in run.states[-50:] for gap in s.gaps if gap[1] == "forged"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.spatial import Pose, pose_error, rotation_log
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
@@ -167,10 +167,7 @@ def test_a_tool_keeps_its_pose_in_world_on_a_platform_that_sways():
 
 def test_a_platform_whose_twist_is_measured_is_made_up_for_still_better(cell):
     steps = load_script("platform").steps
-    rig = cell.config.rig
-    frames = rig.frames.model_copy(update={"twists": True})
-    config = cell.config.model_copy(update={"rig": rig.model_copy(update={"frames": frames})})
-    run = played(type(cell)(cell.path, config, cell.robot), steps, 12.0)
+    run = played(altered(cell, {"rig.frames.twists": True}), steps, 12.0)
     at = pose(window(run, 3.7, 3.9)[0][1].pose_mrf).p
     error = np.array([pose(t.pose_mrf).p - at for _, t in window(run, 7.0, 12.0)])
     before = [pose(t.pose_mrf).p - at for _, t in window(shown("platform"), 7.0, 12.0)]

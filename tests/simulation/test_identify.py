@@ -1,10 +1,8 @@
 """A tool of unknown weight on a sensor that sits askew: found out by a guided motion, then gone."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control import spatial
@@ -31,16 +29,9 @@ FREE = {"acceleration": 0.25, "angular_acceleration": 2.0, "jerk": 5.0, "angular
 
 def changed(cell, sensor=None, rig=None, truth=None, limits=None):
     """Return a cell with some keys of these sections replaced."""
-    config = cell.config
-    ft = config.mechanism.force_torque.model_copy(update=sensor or {})
-    truth = config.rig.force_torque.model_copy(update=truth or {})
-    rig = config.rig.model_copy(update={**(rig or {}), "force_torque": truth})
-    update = {
-        "mechanism": config.mechanism.model_copy(update={"force_torque": ft}),
-        "limits": config.limits.model_copy(update=limits or {}),
-        "rig": rig,
-    }
-    return dataclasses.replace(cell, config=config.model_copy(update=update))
+    cell = altered(cell, sensor or {}, "mechanism.force_torque")
+    cell = altered(cell, truth or {}, "rig.force_torque")
+    return altered(altered(cell, rig or {}, "rig"), limits or {}, "limits")
 
 
 def unknown_tool(pa10):

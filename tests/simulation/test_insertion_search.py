@@ -1,10 +1,8 @@
 """Where a peg stands on the rim of its hole, it is said; and a search finds the hole."""
 
-from dataclasses import replace
-
 import pytest
 from laboratory.campaign.contact import searched
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.judges.peg import PegJudge
@@ -30,8 +28,7 @@ def insert():
         told = load_cell("pa10_peg")
         rig = told.config.rig
         off = rig.holes[0].model_copy(update={"misplaced": PoseSection(xyz=(-0.0066, -0.0024, 0))})
-        there = rig.model_copy(update={"holes": (off,)})
-        real = replace(told, config=told.config.model_copy(update={"rig": there}))
+        real = altered(told, {"rig.holes": (off,)})
         made = Script.model_validate({"duration_s": seconds, "step": [{"at_s": 0.5, **step}]})
         simulation, judge = Simulation(told, made, real=real), PegJudge(real)
 

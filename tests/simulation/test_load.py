@@ -1,11 +1,10 @@
 """A load that no contact explains is said, and moves nothing; real contact is bled off as ever."""
 
-import dataclasses
 import json
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.mechanism import PayloadSection
 
 HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
@@ -17,16 +16,8 @@ REST = {"twist": [0.0] * 6}
 
 def changed(cell, sensor=None, rig=None, mode="csp"):
     """Return a cell whose daemon is told other things of the sensor, or whose rig is another."""
-    config = cell.config
-    mechanism, told = (
-        config.mechanism,
-        config.mechanism.force_torque.model_copy(update=sensor or {}),
-    )
-    mechanism = mechanism.model_copy(update={"force_torque": told, "operation_mode": mode})
-    rig = config.rig.model_copy(update=rig or {})
-    return dataclasses.replace(
-        cell, config=config.model_copy(update={"mechanism": mechanism, "rig": rig})
-    )
+    cell = altered(cell, sensor or {}, "mechanism.force_torque")
+    return altered(altered(cell, rig or {}, "rig"), {"mechanism.operation_mode": mode})
 
 
 def way(run, from_s, to_s):
@@ -101,14 +92,13 @@ def test_a_payload_that_is_told_wrong_while_enabled_is_said(play):
 
 @pytest.mark.parametrize(("mode", "stiffness"), [("csp", 2e3), ("csp", 2e4), ("cst", 2e3)])
 def test_contact_when_the_arm_is_enabled_is_bled_off(play, pa10, mode, stiffness):
-    wall = pa10.config.rig.wall.model_copy(update={"stiffness": stiffness})
     run = play(
         {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
         {"at_s": 3.2, "cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "base"}},
         {"at_s": 6.5, "operator/mode": {"action": "disable"}},
         {"at_s": 6.5, "cmd/joystick": REST},
         {"at_s": 7.5, "operator/mode": {"action": "enable"}},
-        cell=changed(pa10, rig={"wall": wall}, mode=mode),
+        cell=changed(pa10, rig={"wall.stiffness": stiffness}, mode=mode),
         seconds=12.0,
     )
     assert np.linalg.norm(run.at(7.4).wrench_mrf[:3]) > 20.0

@@ -1,10 +1,8 @@
 """At torque level a declared payload that is not there does not make the arm swing."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -59,9 +57,7 @@ def moved(told, **rig):
         {"at_s": 1.8, "operator/acknowledge_load": {}},
         {"at_s": 2.0, "cmd/joystick": TURN, "for_s": 0.5},
     ]
-    cell = load_cell("pa10_hand_torque")
-    rig = cell.config.rig.model_copy(update=rig)
-    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    cell = altered(load_cell("pa10_hand_torque"), rig, "rig")
     script = Script.model_validate({"duration_s": END_S, "step": steps})
     simulation = Simulation(cell, script)
     return Run(simulation, simulation.run())

@@ -5,7 +5,7 @@ Judged by the physics: the ball is there, and what it hits counts. Its news need
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
@@ -24,7 +24,7 @@ def scene(**avoidance) -> Cell:
     cell = load_cell("pa10_scene")
     told = {**cell.config.avoidance.model_dump(), **avoidance}
     section = AvoidanceSection.model_validate(told)
-    return Cell(cell.path, cell.config.model_copy(update={"avoidance": section}), cell.robot)
+    return altered(cell, {"avoidance": section})
 
 
 def visitor(at_s, xyz, velocity):

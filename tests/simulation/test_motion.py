@@ -1,9 +1,8 @@
 """Null space, schedules, paths and a clutched master, through the whole line and its physics."""
 
-import dataclasses
-
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.config.schema.sources import ScheduleSection
 
 AT_REST = 1e-3
@@ -17,13 +16,8 @@ def clean(run):
     return run
 
 
-def configured(cell, **sections):
-    return dataclasses.replace(cell, config=cell.config.model_copy(update=sections))
-
-
 def open_space(cell, **sections):
-    rig = cell.config.rig.model_copy(update={"wall": None, "boxes": ()})
-    return configured(cell, rig=rig, **sections)
+    return altered(cell, {"rig.wall": None, "rig.boxes": (), **sections})
 
 
 def moved(run, from_s, to_s):
@@ -82,7 +76,7 @@ def test_a_posture_that_the_cell_lacks_is_refused_by_name(play):
 
 def test_a_stick_pushes_the_wall_with_the_force_that_its_schedule_leaves(play, pa10):
     soft = ScheduleSection(source="joystick", by="contact_force", at=(0.0, 10.0), factor=(1.0, 0.0))
-    cell = configured(pa10, schedules=(soft,))
+    cell = altered(pa10, {"schedules": (soft,)})
     rate, gain = 0.0075, pa10.config.sources.force.gain[0]
     run = clean(
         play(

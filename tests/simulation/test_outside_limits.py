@@ -1,7 +1,5 @@
 """Joints that stand outside their limits: enabling moves nothing, and they only come back in."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
@@ -16,15 +14,11 @@ W1, S1 = 5, 0
 def standing(mode, joint, beyond, sense=1):
     """Return a cell whose arm starts with a joint beyond a limit [rad], and where it is."""
     cell = load_cell(CASES[mode])
-    mechanism = cell.config.mechanism
     limit = cell.robot.joints[joint]
-    q = np.array(mechanism.postures["ready"])
+    q = np.array(cell.config.mechanism.postures["ready"])
     q[joint] = limit.upper + beyond if sense > 0 else limit.lower - beyond
-    mechanism = mechanism.model_copy(
-        update={"operation_mode": mode, "postures": {**mechanism.postures, "start": tuple(q)}}
-    )
-    config = cell.config.model_copy(update={"mechanism": mechanism})
-    return dataclasses.replace(cell, config=config), q
+    start = {"mechanism.operation_mode": mode, "mechanism.postures.start": tuple(q)}
+    return altered(cell, start), q
 
 
 def played(cell, *steps, seconds):

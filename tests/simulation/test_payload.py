@@ -1,7 +1,5 @@
 """What hangs on the sensor is said anew while the arm is enabled and leans on its force source."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from telerobot.config.load import altered
@@ -14,14 +12,9 @@ from telerobot.tools.simulation.simulation import Simulation
 HAND = PayloadSection(mass=0.98, com=(0.0, 0.0, 0.051))
 
 
-def of_mechanism(cell, **update):
-    mechanism = cell.config.mechanism.model_copy(update=update)
-    return altered(cell, {"mechanism": mechanism})
-
-
 def with_payloads(pa10, at_start):
-    sensor = pa10.config.mechanism.force_torque.model_copy(update={"payload": at_start})
-    return of_mechanism(pa10, force_torque=sensor, payloads={"hand": HAND})
+    payloads = {"force_torque.payload": at_start, "payloads": {"hand": HAND}}
+    return altered(pa10, payloads, "mechanism")
 
 
 def test_a_payload_that_is_told_by_name_ends_the_drift_without_a_jump(pa10, play):
@@ -83,15 +76,14 @@ CLOSE, OPEN = (
 def with_gripper(pa10, told=True, **gripper):
     """A PA-10 whose gripper picks up 1 kg; `told`: and whose daemon knows how much that is."""
     names = {"open_payload": "hand", "closed_payload": "both"} if told else {}
-    rig = pa10.config.rig.model_copy(
-        update={"gripper": RigGripperSection(mass=PART[0], com=tuple(PART[1]))}
-    )
-    cell = of_mechanism(
+    return altered(
         pa10,
-        payloads={"hand": HAND, "both": BOTH},
-        gripper=GripperSection(node=20, output=3, **names, **gripper),
+        {
+            "mechanism.payloads": {"hand": HAND, "both": BOTH},
+            "mechanism.gripper": GripperSection(node=20, output=3, **names, **gripper),
+            "rig.gripper": RigGripperSection(mass=PART[0], com=tuple(PART[1])),
+        },
     )
-    return dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": rig}))
 
 
 def moved(run, a_s, b_s):

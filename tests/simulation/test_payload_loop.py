@@ -1,11 +1,9 @@
 """A tool that follows a hand, or a force, does not swing by its own payload; or it is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from laboratory.campaign.payloads import STANDS, laden, pushed, speed_at_the_end
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.server.stability.loops import following_source, heaviest
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
@@ -114,9 +112,7 @@ def test_following_is_not_switched_on_under_a_payload_that_would_swing_the_tool(
 def test_a_force_gain_under_which_the_payload_would_swing_the_tool_is_refused():
     """Soft environments allow great gains; the payload's own force bounds them as well."""
     cell = laden(5.0)
-    sensor = cell.config.mechanism.force_torque.model_copy(update={"stiffest_environment": 100.0})
-    mechanism = cell.config.mechanism.model_copy(update={"force_torque": sensor})
-    soft = replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    soft = altered(cell, {"mechanism.force_torque.stiffest_environment": 100.0})
     on = {"at_s": 0.2, "operator/switch": {"source": "force", "on": True}}
     gain = {"at_s": 0.3, "operator/gain": {"source": "force", "gain": [0.02] * 3 + [0.0] * 3}}
     run = played(soft, (0.0, 0.0, 0.0), 0.3, on, gain)

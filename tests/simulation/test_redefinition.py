@@ -4,11 +4,9 @@ Each run is held against the same one without redefinitions. The force/torque se
 noise: what a loop through it makes of the least difference would be 0.1 mm by itself.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.spatial import Pose, pose_error, sizes
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -32,13 +30,8 @@ MOTION = [
 
 
 def cell(mode):
-    cell = load_cell("pa10_hand")
-    config = cell.config
-    mechanism = config.mechanism.model_copy(update={"operation_mode": mode})
-    quiet = config.rig.force_torque.model_copy(update={"noise": (0.0,) * 6})
-    rig = config.rig.model_copy(update={"force_torque": quiet})
-    config = config.model_copy(update={"mechanism": mechanism, "rig": rig})
-    return replace(cell, config=config)
+    quiet = {"mechanism.operation_mode": mode, "rig.force_torque.noise": (0.0,) * 6}
+    return altered(load_cell("pa10_hand"), quiet)
 
 
 def play(mode, steps, seconds=2.0):

@@ -3,11 +3,9 @@
 Judged by the physics: 20 kN/m is declared, and the stick presses with K_HC u / K_F = 40 N.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -29,7 +27,7 @@ def before(stiffness):
     else:
         wall = type(rig.wall).model_validate({**rig.wall.model_dump(), "stiffness": stiffness})
         changed = rig.model_copy(update={"wall": wall})
-    return replace(cell, config=cell.config.model_copy(update={"rig": changed}))
+    return altered(cell, {"rig": changed})
 
 
 def play(cell, *steps, seconds):

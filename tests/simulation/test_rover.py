@@ -1,11 +1,9 @@
 """An arm on a base with two driven wheels, by the physics' truth."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import MovingFrameSection, ObstacleSection
 from telerobot.tools.simulation.simulation import simulate
 
@@ -69,22 +67,13 @@ def test_a_stop_keeps_wheels_on_their_arc(play, rover):
     assert np.linalg.norm(centre[moved] - centre[moved[0]], axis=1).max() < 0.004
 
 
-def with_config(cell, **sections):
-    """Return a cell with other sections."""
-    return dataclasses.replace(cell, config=cell.config.model_copy(update=sections))
-
-
 def with_frames(cell, rig=None, **frames):
     """Return the rover with news of where it is."""
     told = MovingFrameSection(
         speed=1.0, angular_speed=2.0, acceleration=3.0, angular_acceleration=6.0
     )
-    section = cell.config.frames.model_copy(update={"base": told, **frames})
-    update = {"frames": section}
-    if rig is not None:
-        moved = cell.config.rig.frames.model_copy(update=rig)
-        update["rig"] = cell.config.rig.model_copy(update={"frames": moved})
-    return with_config(cell, **update)
+    cell = altered(cell, {"base": told, **frames}, "frames")
+    return altered(cell, rig or {}, "rig.frames")
 
 
 def test_wheels_that_slip_are_told_and_news_brings_the_odometry_back(play, rover):
@@ -118,9 +107,7 @@ def test_a_gyroscope_corrects_the_heading_that_one_slipping_wheel_spoils(play, r
     ]
     blind = play(*steps, seconds=4.0, cell=rover)
     gyroscope = {"gyroscope": True, "gyroscope_bias": 0.001}
-    base = rover.config.mechanism.base.model_copy(update={"correction": (0.05, 0.5)})
-    mechanism = rover.config.mechanism.model_copy(update={"base": base})
-    cell = with_config(rover, mechanism=mechanism)
+    cell = altered(rover, {"mechanism.base.correction": (0.05, 0.5)})
     run = play(*steps, seconds=4.0, cell=with_frames(cell, gyroscope))
     assert blind.summary["odometry_error_rad"] > 0.05
     assert run.summary["odometry_error_rad"] < 0.012
@@ -147,8 +134,7 @@ def test_counts_of_wheels_wrap_and_nobody_notices(play, rover):
         d.model_copy(update={"counts_per_radian": 2e8}) if d.joint.startswith("wheel") else d
         for d in rover.config.mechanism.drives
     )
-    mechanism = rover.config.mechanism.model_copy(update={"drives": drives})
-    cell = with_config(rover, mechanism=mechanism)
+    cell = altered(rover, {"mechanism.drives": drives})
     run = play(
         {"at_s": 0.2, "cmd/drive": {"rates": [0.5, 0.0]}},
         {"at_s": 6.0, "cmd/drive": {"rates": [0.0, 0.0]}},
@@ -170,8 +156,7 @@ def test_a_base_that_drives_at_a_box_stops_short_of_it(play, rover):
         "clearance": 0.05,
     }  # fmt: skip
     obstacle = TypeAdapter(ObstacleSection).validate_python(box)
-    avoidance = rover.config.avoidance.model_copy(update={"enabled": True})
-    cell = with_config(rover, obstacles=(obstacle,), avoidance=avoidance)
+    cell = altered(rover, {"obstacles": (obstacle,), "avoidance.enabled": True})
     run = play(
         {"at_s": 0.3, "cmd/drive": {"rates": [0.5, 0.05]}},
         seconds=7.0,

@@ -1,11 +1,10 @@
 """A rover that meets what it was not told of: its drives feel it, it stops and lets go of it."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import BoxSection, RigBridgeSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
@@ -19,9 +18,7 @@ def rover(
     *steps: dict[str, object], seconds: float, cell: str = "rover_bridge", **rig: object
 ) -> Simulation:
     """A run on the rover, with other things standing around than the cell has."""
-    made = load_cell(cell)
-    told = made.config.rig.model_copy(update={"bridge": None} | rig)
-    made = replace(made, config=made.config.model_copy(update={"rig": told}))
+    made = altered(load_cell(cell), {"bridge": None, **rig}, "rig")
     return Simulation(made, Script.model_validate({"duration_s": seconds, "step": list(steps)}))
 
 

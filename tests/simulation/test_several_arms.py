@@ -1,10 +1,8 @@
 """Two arms with a task each in one daemon: what each is told, what concerns both, and faults."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -145,16 +143,12 @@ def test_after_the_fault_of_one_both_are_reset_and_driven_again(play, pair):
 
 @pytest.mark.parametrize("essential", [True, False])
 def test_a_stale_sensor_of_one_arm_holds_both_where_that_arm_needs_it(play, pair, essential):
-    mechanism = pair.config.mechanism
-    sensor = mechanism.force_torque.model_copy(update={"essential": essential})
-    mechanism = mechanism.model_copy(update={"force_torque": sensor})
-    config = pair.config.model_copy(update={"mechanism": mechanism})
     silent = {"kind": "silence", "target": "left.force_torque"}
     run = play(
         *TOGETHER,
         {"at_s": 0.8, "rig/fault": silent},
         seconds=2.0,
-        cell=dataclasses.replace(pair, config=config),
+        cell=altered(pair, {"mechanism.force_torque.essential": essential}),
     )
     assert run.summary["failure"] is None
     assert [e.values["mechanism"] for e in run.events("sensor_stale")] == ["left"]

@@ -1,10 +1,8 @@
 """What has left a tunnel at its far end is an ordinary arm, while the joints inside stand."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.scripts.script import load_script, script_path
 
@@ -15,9 +13,7 @@ def out():
     cell = load_cell("snake_tail")
     backbone = Backbone.from_cell(cell)
     q = tuple(backbone.fits[1].tolist())
-    mechanism = cell.config.mechanism.model_copy(update={"postures": {"start": q, "ready": q}})
-    config = cell.config.model_copy(update={"mechanism": mechanism})
-    return dataclasses.replace(cell, config=config)
+    return altered(cell, {"mechanism.postures": {"start": q, "ready": q}})
 
 
 CIRCLE = load_script(script_path("tail", load_cell("snake_tail").path.parent)).steps[-1].message

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 
 TARE = {"operator/tare": {}}
 
@@ -13,9 +13,7 @@ def wrong_bias(name, bias):
     mechanism = cell.config.mechanism
     sensor = mechanism.force_torque.model_copy(update={"bias": bias})
     mechanism = mechanism.model_copy(update={"force_torque": sensor})
-    return type(cell)(
-        cell.path, cell.config.model_copy(update={"mechanism": mechanism}), cell.robot
-    )
+    return altered(cell, {"mechanism": mechanism})
 
 
 def moments_and_forces(run, from_s):

@@ -1,7 +1,5 @@
 """Inside a tunnel a snake gives way to what it meets, and a drive's fault touches no wall."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from laboratory.oracle.arm import OracleArm
@@ -113,9 +111,7 @@ def test_enabled_with_a_link_beyond_a_wall_it_says_so_and_when_it_is_out_again(p
     off[[24, 27]] = 0.15, -0.30
     cell = inside(0.95, off)
     # The walls are not where the cell has them: nothing but the curve says that it is beyond one.
-    away = cell.config.rig.tunnel.model_copy(update={"shift": (0.0, 0.0, 1.0)})
-    rig = cell.config.rig.model_copy(update={"tunnel": away})
-    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    cell = altered(cell, {"rig.tunnel.shift": (0.0, 0.0, 1.0)})
     back = [0.0] * 24 + [-0.15, 0.0, 0.0, 0.30, 0.0, 0.0]
     run = play({"at_s": 0.5, "for_s": 0.9, "cmd/jog": {"rates": back}}, seconds=1.8, cell=cell)
     (beyond,), (out,) = run.events("beyond_wall"), run.events("off_wall")
@@ -138,14 +134,14 @@ def test_enabled_with_a_link_beyond_a_wall_it_says_so_and_when_it_is_out_again(p
 def test_a_tunnel_told_wide_that_is_narrow_is_felt_by_name_and_let_go_of(play, half_width, from_m):
     """Head on an edge, or wedged along all of it; without touch that ends in a drive's FAULT."""
     cell = load_cell("snake")
-    told = cell.config.mechanism.backbone.model_copy(update={"half_width": 0.06})
-    truth = {"half_width": half_width, "narrow_from": from_m}
-    tunnel = cell.config.rig.tunnel.model_copy(update=truth)
-    parts = {
-        "mechanism": cell.config.mechanism.model_copy(update={"backbone": told}),
-        "rig": cell.config.rig.model_copy(update={"tunnel": tunnel}),
-    }
-    cell = replace(cell, config=cell.config.model_copy(update=parts))
+    cell = altered(
+        cell,
+        {
+            "mechanism.backbone.half_width": 0.06,
+            "rig.tunnel.half_width": half_width,
+            "rig.tunnel.narrow_from": from_m,
+        },
+    )
     run = play({"at_s": 0.3, "cmd/drive": {"rates": [0.08]}}, seconds=4.6, cell=cell)
     assert len(run.events("touched")) == 1
     assert run.events("touched")[0].values["joint"].startswith("j")
@@ -199,7 +195,7 @@ def test_with_a_locked_joint_an_arm_withdraws_and_is_not_inserted(play, inside):
 
 def test_without_touch_a_joint_blocked_inside_holds_up_all_and_lets_the_arm_withdraw(play):
     snake = load_cell("snake")
-    unfeeling = replace(snake, config=snake.config.model_copy(update={"touch": None}))
+    unfeeling = altered(snake, {"touch": None})
     run = play(
         {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
         {"at_s": 1.1, "rig/fault": {"kind": "block", "target": "j22"}},

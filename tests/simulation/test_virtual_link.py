@@ -1,10 +1,8 @@
 """A six-joint arm's tool goes round an obstacle on its path, and comes back to it."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -43,8 +41,7 @@ def test_off_the_path_means_along_the_links_direction_alone(run):
 def test_without_the_virtual_link_the_same_path_ends_at_the_obstacle(keeps_clear):
     """Before it, where clearances are kept; else in it, for the field is soft."""
     cell = load_cell("ur5e_scene")
-    potential = cell.config.potential.model_copy(update={"virtual_link": None})
-    cell = dataclasses.replace(cell, config=cell.config.model_copy(update={"potential": potential}))
+    cell = altered(cell, {"potential.virtual_link": None})
     script = load_script("round_obstacle")
     if not keeps_clear:
         off = type(script.step[0]).model_validate(

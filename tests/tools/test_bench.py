@@ -8,7 +8,7 @@ import pytest
 from laboratory.bench import cli, growth, load, rover
 from laboratory.bench.growth_plot import drawn
 from laboratory.bench.page import page
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.bench import tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.cli import table
@@ -137,8 +137,8 @@ def test_a_benchs_own_scanner_is_on_another_port_and_else_the_same(tmp_path):
     cell = load_cell("rover_bridge")
     own = with_own_scanner(cell, tmp_path)
     assert own.config.scanner.address != cell.config.scanner.address
-    scanner = own.config.scanner.model_copy(update={"address": cell.config.scanner.address})
-    assert own.config.model_copy(update={"scanner": scanner}) == cell.config
+    back = altered(own, {"scanner.address": cell.config.scanner.address})
+    assert back.config == cell.config
 
 
 def test_an_unknown_benchmark_is_bad_usage():

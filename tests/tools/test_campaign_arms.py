@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from laboratory.campaign import arms
 from laboratory.campaign.part import Selection
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 
 
 @pytest.mark.parametrize("seed", [0, 1, 5])
@@ -18,11 +18,7 @@ def test_two_arms_with_a_task_each_never_touch(seed):
 def test_arms_that_keep_no_clearance_are_found(monkeypatch):
     """The judge sees it: with the barriers off, the same operators drive them into each other."""
     cell = load_cell(arms.CELL)
-    off = cell.config.avoidance.model_copy(update={"enabled": False})
-    parts = [
-        dataclasses.replace(p, config=p.config.model_copy(update={"avoidance": off}))
-        for p in cell.parts
-    ]
+    parts = [altered(p, {"avoidance.enabled": False}) for p in cell.parts]
     blind = dataclasses.replace(parts[0], others=tuple(parts[1:]))
     monkeypatch.setattr(arms, "load_cell", lambda _name: blind)
     assert any("commanded arms came to" in reason for reason in arms.play(1).reasons)

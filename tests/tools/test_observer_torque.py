@@ -1,19 +1,13 @@
 """The judge on the bus, with drives in CST: planted violations of torque and rate are counted."""
 
 import struct
-from dataclasses import replace
 
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.simulation.judges.observer import Observer
 
 BASE = load_cell("pa10_hand")
-CELL = replace(
-    BASE,
-    config=BASE.config.model_copy(
-        update={"mechanism": BASE.config.mechanism.model_copy(update={"operation_mode": "cst"})}
-    ),
-)
+CELL = altered(BASE, {"mechanism.operation_mode": "cst"})
 DRIVE = next(d for d in CELL.config.mechanism.drives if d.joint == "e1")
 T = CELL.config.timing.period_s
 MILLE = DRIVE.rated_torque / 1000.0

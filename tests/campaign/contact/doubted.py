@@ -4,11 +4,10 @@ Force control waits (`load_unexplained`), so nothing bleeds contact off. An oper
 or the wrist onto a plate by stick or jog, faster and slower; judged as in `letting_go.py`.
 """
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.drivers.rig.physics.world import World
 
 from .letting_go import (
@@ -76,11 +75,7 @@ def _mistaken(cell: Cell, load: float) -> Cell:
     """Return the cell whose arm carries `load` more than the daemon is told [kg]."""
     if load > 0.0:
         return surrounded(cell, payload_mass=load, payload_com=LOAD_AT)
-    mechanism = cell.config.mechanism
-    sensor = mechanism.force_torque
+    sensor = cell.config.mechanism.force_torque
     if sensor is None:
         raise ValueError(f"cell {cell.config.name}: needs a force/torque sensor")
-    payload = sensor.payload.model_copy(update={"mass": sensor.payload.mass - load})
-    told = sensor.model_copy(update={"payload": payload})
-    mechanism = mechanism.model_copy(update={"force_torque": told})
-    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism.force_torque.payload.mass": sensor.payload.mass - load})

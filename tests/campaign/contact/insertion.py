@@ -13,12 +13,12 @@ leaning to the left of its offset; in 12 to 23 it leans back against it.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from laboratory.oracle.poses import rotation
-from telerobot.config.load import Cell, ConfigError, load_cell
+from telerobot.config.load import Cell, ConfigError, altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.judges.peg import PegJudge
@@ -123,7 +123,7 @@ def cell_of(what: Attempt) -> Cell:
     hole = rig.holes[0].model_copy(update={"misplaced": misplaced(what.direction)})
     step_s = rig.physics_step_s / what.part
     rig = rig.model_copy(update={"holes": (hole,), "physics_step_s": step_s})
-    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    return altered(cell, {"rig": rig})
 
 
 class _DepthWatch:

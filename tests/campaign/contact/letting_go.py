@@ -10,12 +10,12 @@ control presses on a table, since the payload is 5 kg heavier than the daemon kn
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product, takewhile
 from typing import NamedTuple
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.rig import WallSection
 from telerobot.drivers.rig.physics.world import Vector, World
 from telerobot.protocols.messages.telemetry import State
@@ -245,23 +245,17 @@ def _asked(plan: ContactPlan, share: float) -> dict[str, object]:
 
 def prepared(cell: Cell, start: Vector, mode: str, sensed: bool) -> Cell:
     """Return the cell with another start, operation mode and sensor, and nothing around it."""
-    mechanism = cell.config.mechanism
-    changes: dict[str, object] = {
-        "operation_mode": mode,
-        "postures": {**mechanism.postures, "start": tuple(start.tolist())},
-    }
+    cell = altered(_standing(cell, start), {"mechanism.operation_mode": mode})
     if not sensed:
-        changes["force_torque"] = None
-    config = cell.config.model_copy(update={"mechanism": mechanism.model_copy(update=changes)})
-    return surrounded(replace(cell, config=config), wall=None, boxes=())
+        cell = altered(cell, {"mechanism.force_torque": None})
+    return surrounded(cell, wall=None, boxes=())
 
 
 def surrounded(cell: Cell, **changes: object) -> Cell:
     """Return the cell with changes of its `[rig]`."""
     if cell.config.rig is None:
         raise ValueError(f"cell {cell.config.name}: needs a rig")
-    rig = cell.config.rig.model_copy(update=changes)
-    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    return altered(cell, changes, "rig")
 
 
 def met(cell: Cell, start: Vector, rates: Vector, part: str, stiffness: float) -> Cell:
@@ -289,10 +283,7 @@ def _place(cell: Cell, q: Vector, part: str) -> Vector:
 
 def _standing(cell: Cell, q: Vector) -> Cell:
     """Return the cell with joints that start at q (n,) [rad]."""
-    mechanism = cell.config.mechanism
-    postures = {**mechanism.postures, "start": tuple(q.tolist())}
-    mechanism = mechanism.model_copy(update={"postures": postures})
-    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism.postures.start": tuple(q.tolist())})
 
 
 def _clear(cell: Cell) -> bool:

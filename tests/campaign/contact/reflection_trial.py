@@ -4,11 +4,11 @@ What the wall feels is the rig's contact force along its normal, what the hand f
 device's own: the trial asks neither the daemon nor what protects the handle.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.protocols import topics as t
 from telerobot.server.reflection import pose_stiffness
 from telerobot.tools.reflect.linkage import Array
@@ -103,8 +103,7 @@ def trial(
     if config is None:
         raise ValueError(f"{cell.path}: the cell has no [reflection]")
     if stiffness is not None:
-        config = config.model_copy(update={"stiffness": stiffness})
-        cell = replace(cell, config=cell.config.model_copy(update={"reflection": config}))
+        cell = altered(cell, {"reflection.stiffness": stiffness})
     script = _script(SCRIPTS[mode], rtt_s, protected, seed)
     simulation, log = _played(cell, script)
     failure = simulation.player.failure or "; ".join(simulation.player.refused)

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
@@ -93,22 +93,19 @@ def drawn(seed: int) -> tuple[Cell, Cell]:
         )
         for hole, side in zip(rig.holes, (1, -1), strict=True)
     )
-    config = told.config.model_copy(update={"rig": rig.model_copy(update={"holes": holes})})
-    real = replace(told, config=config)
+    real = altered(told, {"rig.holes": holes})
     return told, _shifted(real) if draw.random() < 0.5 else real
 
 
 def _shifted(cell: Cell) -> Cell:
     """Return a cell whose second arm stands elsewhere."""
     second = cell.others[0]
-    mechanism = second.config.mechanism
-    T, each = mechanism.T_world_base, TURNED / math.sqrt(3.0)
+    T, each = second.config.mechanism.T_world_base, TURNED / math.sqrt(3.0)
     x, y, z = (a + b for a, b in zip(T.xyz, BASE, strict=True))
     roll, pitch, yaw = (a + b for a, b in zip(T.rpy, (each, -each, each), strict=True))
     T = PoseSection(xyz=(x, y, z), rpy=(roll, pitch, yaw))
-    mechanism = mechanism.model_copy(update={"T_world_base": T})
-    config = second.config.model_copy(update={"mechanism": mechanism})
-    return replace(cell, others=(replace(second, config=config), *cell.others[1:]))
+    second = altered(second, {"mechanism.T_world_base": T})
+    return replace(cell, others=(second, *cell.others[1:]))
 
 
 def play(seed: int, script: Script | None = None) -> Searched:

@@ -6,12 +6,12 @@ and quickly, pressed gently and hard, in all directions. A push at the elbow whi
 every side. And contact that the arm runs into, of which it must let go (`letting_go.py`).
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
 
 import numpy as np
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -109,12 +109,8 @@ def laden(cell: Cell) -> Cell:
     mass = own.mass + MASS
     x, y, z = ((own.mass * a + MASS * b) / mass for a, b in zip(own.com, COM, strict=True))
     payload = PayloadSection(mass=mass, com=(x, y, z))
-    mechanism = config.mechanism.model_copy(
-        update={"force_torque": sensor.model_copy(update={"payload": payload})}
-    )
     bare = {"wall": None, "boxes": (), "payload_mass": MASS, "payload_com": COM}
-    rig = rig.model_copy(update=bare)
-    return replace(cell, config=config.model_copy(update={"mechanism": mechanism, "rig": rig}))
+    return altered(altered(cell, {"mechanism.force_torque.payload": payload}), bare, "rig")
 
 
 def free_motion(seed: int) -> Script:

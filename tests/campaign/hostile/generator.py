@@ -9,13 +9,13 @@ the arm mostly hits: this server does not avoid obstacles.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from laboratory.oracle.feasible import GoalJudge
 from laboratory.oracle.poses import Array, difference, rotation
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.scripts.step import Step
 from telerobot.tools.soak import grounds
@@ -78,8 +78,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
     if not furnished:
         cell = opened(cell)
     if draw.random() < SCHEDULED:
-        config = cell.config.model_copy(update={"schedules": schedules(draw)})
-        cell = replace(cell, config=config)
+        cell = altered(cell, {"schedules": schedules(draw)})
     if draw.random() < GRIPPING:
         cell = with_gripper(draw, cell)
     if draw.random() < MOVING:

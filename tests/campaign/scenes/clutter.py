@@ -15,7 +15,7 @@ import numpy as np
 from laboratory.oracle.arm import OracleArm
 from numpy.typing import NDArray
 from telerobot.config.drives import joint_bounds
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.config.schema.surroundings import (
     AvoidanceSection,
     LinkCapsuleSection,
@@ -109,9 +109,17 @@ def _furnished(base: Cell, draw: Draw, kind: str) -> Cell:
         link=base.config.mechanism.tip_link, start=mrf, end=mrf, radius=max(rig.tool_radius, 0.005)
     )
     avoidance = AvoidanceSection(enabled=True, clearance=PROMISE, capsules=(tip,))
-    bare = rig.model_copy(update={"wall": None, "boxes": (), "tags": ()})
-    changes = {"obstacles": tuple(obstacles), "avoidance": avoidance, "rig": bare, "cameras": ()}
-    return Cell(base.path, base.config.model_copy(update=changes), base.robot)
+    return altered(
+        base,
+        {
+            "obstacles": tuple(obstacles),
+            "avoidance": avoidance,
+            "rig.wall": None,
+            "rig.boxes": (),
+            "rig.tags": (),
+            "cameras": (),
+        },
+    )
 
 
 def _place(draw: Draw) -> tuple[float, float, float]:
@@ -170,9 +178,11 @@ def _start(
         found = world.distances.clearance()
         if found is not None and lowest <= found <= highest and own.clearance(q)[1] > UNFOLDED:
             postures = {**mechanism.postures, "start": tuple(q.tolist())}
-            arm = mechanism.model_copy(update={"postures": postures})
-            changed = cell.config.model_copy(update={"mechanism": arm})
-            return Cell(cell.path, changed, cell.robot), found, _modelled(search, cell, q)
+            return (
+                altered(cell, {"mechanism.postures": postures}),
+                found,
+                _modelled(search, cell, q),
+            )
     return None
 
 

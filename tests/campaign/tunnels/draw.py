@@ -1,13 +1,12 @@
 """Draws of the part `tunnel`: tunnels, gaps between them, drives, and the operator's acts."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from laboratory.oracle.passable import passable
 from laboratory.oracle.poses import rotation
 from laboratory.oracle.tunnel import Tunnel
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.config.schema.mechanism import BackboneSection, SegmentSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.backbone.insertion import Backbone
@@ -94,7 +93,7 @@ def drives(cell: Cell, draw: Draw) -> Cell:
         }
     )
     rig = rig.model_copy(update={"drive": drive})
-    return replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    return altered(cell, {"rig": rig})
 
 
 def generate(cell: Cell, seed: int) -> tuple[Cell, Script]:
@@ -120,8 +119,7 @@ def generate(cell: Cell, seed: int) -> tuple[Cell, Script]:
 
 def _with(cell: Cell, section: BackboneSection, q: tuple[float, ...]) -> Cell:
     postures = {"start": q, "ready": q}
-    mechanism = cell.config.mechanism.model_copy(update={"backbone": section, "postures": postures})
-    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism.backbone": section, "mechanism.postures": postures})
 
 
 def _acts(section: BackboneSection, deepest: float, draw: Draw) -> list[Act]:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.drivers.device import Cause, SwitchedOutput, WrenchSensor
 from telerobot.drivers.kinds import make_drivers
 from telerobot.drivers.rig.rig import Rig
@@ -161,8 +161,7 @@ def on_one_bus(cell):
         ids = {"command_id": 0x64 + k, "reply_ids": (1 + 2 * k, 2 + 2 * k)}
         told = {"bus": "one", "drives": tuple(drives), "gripper": None}
         told["force_torque"] = mechanism.force_torque.model_copy(update=ids)
-        config = part.config.model_copy(update={"mechanism": mechanism.model_copy(update=told)})
-        parts.append(dataclasses.replace(part, config=config))
+        parts.append(altered(part, {"mechanism": mechanism.model_copy(update=told)}))
     return dataclasses.replace(parts[0], others=tuple(parts[1:]))
 
 

@@ -3,10 +3,9 @@
 import socket
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.drivers.rig.nodes.sensors import SimulatedScanner
 from telerobot.drivers.rig.physics.world import World
 from telerobot.drivers.rig.session import ScannerServer
@@ -22,8 +21,8 @@ class Line:
         with socket.create_server(("127.0.0.1", 0)) as probe:
             port = probe.getsockname()[1]
         cell = load_cell("rover_bridge")
-        scanner = cell.config.scanner.model_copy(update={"address": f"tcp/127.0.0.1:{port}"})
-        cell = replace(cell, config=cell.config.model_copy(update={"scanner": scanner}))
+        cell = altered(cell, {"scanner.address": f"tcp/127.0.0.1:{port}"})
+        scanner = cell.config.scanner
         self.node = SimulatedScanner(cell, World(cell))
         self.server = ScannerServer(scanner, self.node)
         self.said: list[str] = []

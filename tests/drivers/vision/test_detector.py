@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.spatial import Pose, rotation_log, rotation_rpy
 
 T_WORLD_LENS = Pose(
@@ -23,12 +23,13 @@ def bench(request):
     cell = load_cell("pa10_vision")
     x, y, z, *rpy = T_WORLD_LENS.to_xyz_rpy()
     here = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
-    wrist = cell.config.cameras[0].model_copy(
+    shipped, *_ = cell.config.cameras
+    wrist = shipped.model_copy(
         update={"T_wrist_lens": None, "T_world_lens": here, "size": (640, 480), "focal": (560, 560)}
     )
-    config = cell.config.model_copy(update={"cameras": (wrist,)})
-    tag = config.rig.tags[0]
-    park = config.mechanism.postures["park"]
+    cell = altered(cell, {"cameras": (wrist,)})
+    tag = cell.config.rig.tags[0]
+    park = cell.config.mechanism.postures["park"]
 
     class Bench:
         camera = wrist
@@ -38,12 +39,11 @@ def bench(request):
             x, y, z, *rpy = (T_WORLD_LENS @ T_lens_tag).to_xyz_rpy()
             pose = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
             moved = tag.model_copy(update={"T_world_tag": pose})
-            rig = config.rig.model_copy(update={"tags": (moved,), "boxes": ()})
-            made = config.model_copy(update={"rig": rig})
+            made = altered(cell, {"rig.tags": (moved,), "rig.boxes": ()})
             with pytest.MonkeyPatch.context() as patch:
                 if request.param == "drawn":
                     patch.setattr(camera, "_unusable", ["this test draws"])
-                cameras = camera.RigCameras(type(cell)(cell.path, made, cell.robot))
+                cameras = camera.RigCameras(made)
                 assert (cameras.drawn == "") == (request.param == "opengl")
             try:
                 return cameras.picture("wrist", park, covered)

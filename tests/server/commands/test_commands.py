@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema import cell as schema
 from telerobot.protocols.messages import messages as m
 from telerobot.protocols.messages import requests
@@ -40,10 +38,12 @@ def schema_pose(T):
 @pytest.fixture
 def commands(pa10):
     """The PA-10's orders, with Base, CRF and MRF each somewhere else."""
-    config = pa10.cell.config
-    mechanism = config.mechanism.model_copy(update={"T_world_base": schema_pose(BASE)})
-    changes = {"mechanism": mechanism, "T_world_crf": schema_pose(CRF)}
-    commands = Commands.from_cell(replace(pa10.cell, config=config.model_copy(update=changes)))
+    commands = Commands.from_cell(
+        altered(
+            pa10.cell,
+            {"mechanism.T_world_base": schema_pose(BASE), "T_world_crf": schema_pose(CRF)},
+        )
+    )
     commands.frames.lens = lambda: Mount("wrist", LENS)
     # With force control off, the MRF may be anywhere on a tool.
     commands.settings.switch("force", False)

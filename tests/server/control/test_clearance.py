@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import (
     AllowedContactSection,
     AvoidanceSection,
@@ -44,8 +44,7 @@ class Kept:
         self, arm: Arm, obstacles: tuple[ObstacleSection, ...], q=None, **avoidance
     ) -> None:
         given = AvoidanceSection(enabled=True, clearance=PROMISE, **avoidance)
-        config = arm.cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
-        cell = Cell(arm.cell.path, config, arm.cell.robot)
+        cell = altered(arm.cell, {"obstacles": obstacles, "avoidance": given})
         self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
         self.world = ObstacleMap.from_cell(cell, Events())
         control = Control([ArmControl(arm.p, arm.mechanism)], self.guard)

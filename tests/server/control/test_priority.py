@@ -1,11 +1,10 @@
 """The four cases beside the pole, on drives that follow at once (Hamaguchi, Taniguchi, 5)."""
 
-import dataclasses
 import itertools
 import math
 
 import numpy as np
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.parameters import Parameters
@@ -29,9 +28,7 @@ CASES = {
 @shared
 def led_past_the_pole(case):
     """Return the run of one case: (0, 4, 0)·sin²(πt/6) N for 6 s, run for 7 s."""
-    cell = load_cell("pa10_hand_pole")
-    law = cell.config.priority.model_copy(update=CASES[case])
-    cell = dataclasses.replace(cell, config=cell.config.model_copy(update={"priority": law}))
+    cell = altered(load_cell("pa10_hand_pole"), CASES[case], "priority")
     p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
     m, sources = cell.config.mechanism, cell.config.sources
     gains = {s: np.array(getattr(sources, s).gain) for s in (*SOURCES, "following")}

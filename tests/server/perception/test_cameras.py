@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import Cell, altered, load_cell
 from telerobot.protocols.messages.perception import Sighting
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log, rotation_rpy
 from telerobot.server.events import Events
@@ -19,10 +19,7 @@ WRIST = Pose(rotation_rpy(0.0, 1.5708, 0.0), np.array([0.6, 0.0, 0.4]))
 @pytest.fixture(scope="module")
 def cell() -> Cell:
     loaded = load_cell("pa10_vision")
-    vision = loaded.config.sources.vision.model_copy(update={"smoothing_s": 0.0})
-    sources = loaded.config.sources.model_copy(update={"vision": vision})
-    config = loaded.config.model_copy(update={"sources": sources})
-    return Cell(loaded.path, config, loaded.robot)
+    return altered(loaded, {"sources.vision.smoothing_s": 0.0})
 
 
 @dataclass
@@ -263,8 +260,7 @@ def test_a_camera_on_a_base_that_moves_places_what_it_sees_by_the_base_of_its_ti
     beside = cell.config.cameras[1]
     T_base_lens = beside.T_world_lens
     moved = beside.model_copy(update={"T_world_lens": None, "T_base_lens": T_base_lens})
-    config = cell.config.model_copy(update={"cameras": (moved,)})
-    watch = VisionTracker.from_cell(Cell(cell.path, config, cell.robot), Events())
+    watch = VisionTracker.from_cell(altered(cell, {"cameras": (moved,)}), Events())
     lens = Pose.from_xyz_rpy(T_base_lens.xyz, T_base_lens.rpy)
     then = Pose(rotation_rpy(0.0, 0.0, 0.2), np.array([0.1, -0.05, 0.0]))
     T_wrist_target = Pose(rotation_rpy(0.3, 0.0, 0.0), np.array([0.0, -0.06, 0.02]))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell, load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.protocols.codec import CodecError, decode_as, encode
 from telerobot.protocols.messages.perception import ObstacleNews
@@ -29,8 +29,9 @@ class Knowing:
 
     def __post_init__(self) -> None:
         cell = load_cell("pa10")
-        config = cell.config.model_copy(update={"obstacles": self.obstacles})
-        self.world = ObstacleMap.from_cell(Cell(cell.path, config, cell.robot), self.events)
+        self.world = ObstacleMap.from_cell(
+            altered(cell, {"obstacles": self.obstacles}), self.events
+        )
         if self.certified:
             self.world = ObstacleMap(self.obstacles, (), 0.02, 0.01, self.events, certified=True)
 

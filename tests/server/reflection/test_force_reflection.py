@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.messages import ClutchRequest, MasterPose, ReflectionRequest
 from telerobot.server.commands.commands import Commands
 from telerobot.server.commands.haptics import Master
@@ -174,8 +172,7 @@ def test_enabling_anew_protects_again(cell):
 
 
 def test_a_cell_without_reflection_refuses_the_switch_and_tells_nothing(cell):
-    config = cell.config.model_copy(update={"reflection": None})
-    commands = Commands.from_cell(replace(cell, config=config))
+    commands = Commands.from_cell(altered(cell, {"reflection": None}))
     with pytest.raises(Refused, match="reflects no forces"):
         commands.handle.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
     assert commands.handle.message(1) is None

@@ -1,11 +1,10 @@
-import dataclasses
 import json
 import math
 import re
 
 import numpy as np
 import pytest
-from telerobot.config.load import HERE, load_cell, shipped
+from telerobot.config.load import HERE, altered, load_cell, shipped
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.stability.loops import bound, filter_periods, jerk_lag_s
 from telerobot.tools.checks.bus_load import worst_case_bits
@@ -294,8 +293,7 @@ def rover_counts():
     def found(counts):
         mechanism = rover.config.mechanism
         told = tuple(d.model_copy(update={"counts_per_radian": counts}) for d in mechanism.drives)
-        update = {"mechanism": mechanism.model_copy(update={"drives": told})}
-        cell = dataclasses.replace(rover, config=rover.config.model_copy(update=update))
+        cell = altered(rover, {"mechanism.drives": told})
         return next(f for f in drives(cell) if f.check == "wheel_left counts")
 
     return found

@@ -3,12 +3,10 @@
 What is tested here is what the scanner makes of it; the whole loop is `tests/simulation`.
 """
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.drivers.rig.physics.sensors import Rangefinder
@@ -35,9 +33,8 @@ class Rover:
         """Put it before a bridge, its arm in the posture `start`, sweeping between two angles."""
         cell = load_cell("rover_bridge")
         config = cell.config
-        rig = config.rig.model_copy(update={"bridge": bridge, "seed": seed})
-        told = config.contour.model_copy(update=contour)
-        self.cell = replace(cell, config=config.model_copy(update={"rig": rig, "contour": told}))
+        cell = altered(cell, {"rig.bridge": bridge, "rig.seed": seed})
+        self.cell = altered(cell, contour, "contour")
         self.model, fixed = build_model(self.cell)
         self.data = mujoco.MjData(self.model)
         self.finder = Rangefinder(self.cell, self.model, self.data)

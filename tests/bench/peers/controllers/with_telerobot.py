@@ -1,9 +1,7 @@
 """telerobot's own control computation: the tick of the daemon, with every limit on."""
 
-from dataclasses import replace
-
 import numpy as np
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.control.state import Inputs, Intent
@@ -24,20 +22,18 @@ class Telerobot:
     """The daemon's world model and tick, without drives and bus."""
 
     def __init__(self, cell: Cell, scene: PeerScene) -> None:
-        avoidance = cell.config.avoidance.model_copy(
-            update={
-                "enabled": True,
-                "clearance": CLEARANCE,
-                "self_clearance": SELF_CLEARANCE,
-                "standing": "step_aside",
-            }
+        cell = altered(
+            cell,
+            {
+                "avoidance.enabled": True,
+                "avoidance.clearance": CLEARANCE,
+                "avoidance.self_clearance": SELF_CLEARANCE,
+                "avoidance.standing": "step_aside",
+                "obstacles": (),
+                "redundancy.field": FIELD,
+            },
         )
-        redundancy = cell.config.redundancy.model_copy(update={"field": FIELD})
-        config = cell.config.model_copy(
-            update={"avoidance": avoidance, "obstacles": (), "redundancy": redundancy}
-        )
-        cell = replace(cell, config=config)
-        self._period_s = config.timing.period_s
+        self._period_s = cell.config.timing.period_s
         self._control = Control.of(cell)
         (self._memory,) = self._control.seed(np.array(scene.start))
         self._world = ObstacleMap.from_cell(cell, Events())

@@ -19,9 +19,7 @@ def chain(cell: Cell) -> tuple[pin.Model, pin.Data]:
 
 
 def without_payload(cell: Cell) -> Cell:
-    rig = cell.config.rig
-    assert rig is not None
-    return altered(cell, {"rig": rig.model_copy(update={"payload_mass": 0.0})})
+    return altered(cell, {"rig.payload_mass": 0.0})
 
 
 @pytest.mark.parametrize("name", ["pa10", "ur5e"])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
     BESIDE,
@@ -35,8 +35,7 @@ THINGS = (
 def clear(pa10):
     """Return the clearances of an arm among things, and the scene."""
     given = AvoidanceSection(enabled=True)
-    config = pa10.cell.config.model_copy(update={"obstacles": THINGS, "avoidance": given})
-    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    cell = altered(pa10.cell, {"obstacles": THINGS, "avoidance": given})
     clearance = Clearance(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk, Capsules(cell))
     return clearance, ObstacleMap.from_cell(cell, Events()).scene(0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
     ORDERED,
@@ -24,8 +24,7 @@ POST = ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
 def watched(pa10):
     """Return a function of joint rates, asked for and present: what the guard watches then."""
     given = AvoidanceSection(enabled=True, near_speed=0.05, clearance=0.02)
-    config = pa10.cell.config.model_copy(update={"obstacles": (TABLE, POST), "avoidance": given})
-    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    cell = altered(pa10.cell, {"obstacles": (TABLE, POST), "avoidance": given})
     guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
     scene, q = ObstacleMap.from_cell(cell, Events()).scene(0), pa10.posture("ready")
     k = pa10.mechanism.kinematics(q, Pose.identity())

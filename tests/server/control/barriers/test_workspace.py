@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import (
     AvoidanceSection,
     ToolPlaneSection,
@@ -20,8 +20,7 @@ T_WRIST_MRF = Pose.from_xyz_rpy((0.02, -0.05, 0.2), (0.1, 0.2, 0.3))
 def walls(pa10):
     box = WorkspaceSection(low=tuple(LOW.tolist()), high=tuple(HIGH.tolist()))
     given = AvoidanceSection(enabled=True, workspace=box)
-    config = pa10.cell.config.model_copy(update={"avoidance": given})
-    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    cell = altered(pa10.cell, {"avoidance": given})
     return Walls(cell, Capsules(cell))
 
 
@@ -49,8 +48,7 @@ def test_the_shortfall_is_how_far_the_worst_posture_leads_the_tool_out(pa10, wal
 def test_planes_are_walls_beside_those_of_a_box(pa10, rng):
     tilted = ToolPlaneSection(point=(0.5, 0.0, 0.3), normal=(0.0, 0.6, 0.8))
     given = AvoidanceSection(enabled=True, tool_planes=(tilted,))
-    config = pa10.cell.config.model_copy(update={"avoidance": given})
-    cell = Cell(pa10.cell.path, config, pa10.cell.robot)
+    cell = altered(pa10.cell, {"avoidance": given})
     walls, normal = Walls(cell, Capsules(cell)), np.array(tilted.normal)
     short = []
     for _ in range(60):

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.errors import ConfigError
+from telerobot.config.load import altered
 from telerobot.config.schema import cell as schema
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
@@ -15,9 +16,7 @@ def based_at(cell, T_world_base):
     """The cell's mechanism with its Base elsewhere in World."""
     x, y, z, *rpy = T_world_base.to_xyz_rpy()
     base = schema.PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
-    mechanism = cell.config.mechanism.model_copy(update={"T_world_base": base})
-    config = cell.config.model_copy(update={"mechanism": mechanism})
-    return Mechanism.from_cell(replace(cell, config=config))
+    return Mechanism.from_cell(altered(cell, {"mechanism.T_world_base": base}))
 
 
 def test_the_jacobian_is_the_derivative_of_the_pose(arm, rng, random_pose):

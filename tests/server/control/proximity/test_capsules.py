@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.config.load import Cell, ConfigError
+from telerobot.config.load import Cell, ConfigError, altered
 from telerobot.config.schema.surroundings import AvoidanceSection, LinkCapsuleSection
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
@@ -97,5 +97,4 @@ def test_a_capsule_for_a_link_that_is_not_there_is_named(pa10):
 
 def _with(cell: Cell, *capsules: LinkCapsuleSection) -> Cell:
     avoidance = AvoidanceSection(capsules=capsules)
-    config = cell.config.model_copy(update={"avoidance": avoidance})
-    return Cell(cell.path, config, cell.robot)
+    return altered(cell, {"avoidance": avoidance})

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.config.schema.surroundings import (
     AllowedContactSection,
     AvoidanceSection,
@@ -39,8 +39,7 @@ class Near:
 
     def __init__(self, cell: Cell, obstacles: tuple[ObstacleSection, ...], **avoidance) -> None:
         given = AvoidanceSection(enabled=True, clearance=0.02, self_clearance=0.01, **avoidance)
-        config = cell.config.model_copy(update={"obstacles": obstacles, "avoidance": given})
-        cell = Cell(cell.path, config, cell.robot)
+        cell = altered(cell, {"obstacles": obstacles, "avoidance": given})
         self.capsules = Capsules(cell)
         self.search = PairSearch(cell, self.capsules)
         self.scene = ObstacleMap.from_cell(cell, Events()).scene(0)

@@ -1,10 +1,8 @@
 """Distances of points from a scene, against the obstacles' own definitions and their slopes."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.proximity.distance import apart
 from telerobot.server.events import Events
@@ -29,8 +27,7 @@ VIEW = ObstacleSection(name="view", shape="sight_line", xyz=(0.0, -0.4, 1.0), to
 
 def scene_of(*obstacles):
     cell = load_cell("pa10")
-    config = cell.config.model_copy(update={"obstacles": obstacles})
-    return ObstacleMap.from_cell(dataclasses.replace(cell, config=config), Events()).scene(0)
+    return ObstacleMap.from_cell(altered(cell, {"obstacles": obstacles}), Events()).scene(0)
 
 
 @pytest.mark.parametrize("name", sorted(SOLIDS))
@@ -65,8 +62,7 @@ def test_a_point_is_on_the_surface_where_a_ball_begins_and_a_sight_line_is_no_ob
 def test_what_may_move_is_as_near_as_it_may_be():
     moves = SOLIDS["ball"].model_copy(update={"max_speed": 0.4})
     cell = load_cell("pa10")
-    config = cell.config.model_copy(update={"obstacles": (moves,)})
-    world = ObstacleMap.from_cell(dataclasses.replace(cell, config=config), Events())
+    world = ObstacleMap.from_cell(altered(cell, {"obstacles": (moves,)}), Events())
     point = np.array([[0.5, 0.2, 0.7]])
     fresh, older = (apart(point, world.scene(tick)).distance[0, 0] for tick in (0, 10))
     assert fresh == pytest.approx(0.5)

@@ -1,10 +1,8 @@
 """What news of the contour ahead may ask of base and arm."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.perception import ContourNews
 from telerobot.server.events import Events
 from telerobot.server.perception.ahead import Passage
@@ -20,9 +18,7 @@ class Ahead:
 
     def __init__(self, wait: bool = True) -> None:
         self.events = Events()
-        told = CELL.config.contour.model_copy(update={"wait": wait})
-        config = CELL.config.model_copy(update={"contour": told})
-        self.passage = Passage.from_cell(replace(CELL, config=config), self.events)
+        self.passage = Passage.from_cell(altered(CELL, {"contour.wait": wait}), self.events)
 
     def tell(self, tick: int, **fields: object) -> None:
         news = {

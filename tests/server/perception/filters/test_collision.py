@@ -1,9 +1,7 @@
-import dataclasses
-
 import mujoco
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.server.control.mechanism.model import Dynamics, Mechanism
 from telerobot.server.control.spatial import Pose
@@ -46,12 +44,10 @@ def test_the_torques_are_those_of_the_physics_engine(cell, dynamics, rng):
 
 
 def test_what_is_carried_weighs_at_every_joint(cell, dynamics, rng):
-    more = cell.config.rig.model_copy(
-        update={"payload_mass": 2.0, "payload_com": (0.02, -0.03, 0.1)}
-    )
-    laden = dataclasses.replace(cell, config=cell.config.model_copy(update={"rig": more}))
+    com = (0.02, -0.03, 0.1)
+    laden = altered(cell, {"rig.payload_mass": 2.0, "rig.payload_com": com})
     own = cell.config.mechanism.force_torque.payload
-    moment = own.mass * np.array(own.com) + 2.0 * np.array(more.payload_com)
+    moment = own.mass * np.array(own.com) + 2.0 * np.array(com)
     dynamics.carry(own.mass + 2.0, moment / (own.mass + 2.0))
     for _ in range(5):
         q = rng.uniform(-0.4, 0.4, 7) + cell.config.mechanism.postures["ready"]

@@ -1,11 +1,10 @@
 """`telerobot check CELL --bus` and `--profile`: the virtual hardware, and cells that deviate."""
 
 import json
-from dataclasses import replace
 
 import can
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.bus import NodeIdentitySection
 from telerobot.drivers.device import DeviceError
 from telerobot.drivers.fieldbus import Fieldbuses
@@ -36,8 +35,7 @@ def deviating(joint=JOINT, **changes):
         drive.model_copy(update=changes) if drive.joint == joint else drive
         for drive in cell.config.mechanism.drives
     ]
-    mechanism = cell.config.mechanism.model_copy(update={"drives": drives})
-    return replace(cell, config=cell.config.model_copy(update={"mechanism": mechanism}))
+    return altered(cell, {"mechanism.drives": drives})
 
 
 def findings(bench, cell):

@@ -1,12 +1,11 @@
 """The simulated force/torque sensor through its frames."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols.canopen import robotous
 from telerobot.protocols.messages.rig import RigFault
 
@@ -47,10 +46,7 @@ def pa10_with() -> Iterator[Callable[..., Master]]:
         rig = cell.config.rig
         assert rig is not None
         sensor = rig.force_torque.model_copy(update=truth)
-        config = cell.config.model_copy(
-            update={"rig": rig.model_copy(update={"force_torque": sensor})}
-        )
-        made.append(Master(replace(cell, config=config)))
+        made.append(Master(altered(cell, {"rig.force_torque": sensor})))
         return made[-1]
 
     yield make

@@ -19,10 +19,7 @@ ABORTED = 0x80
 
 def sagging(cell: Cell) -> Cell:
     """Return the cell with drives that open their brakes before they hold their joints."""
-    rig = cell.config.rig
-    assert rig is not None
-    rig = rig.model_copy(update={"drive": rig.drive.model_copy(update={"torque_delay_s": 0.02})})
-    return altered(cell, {"rig": rig})
+    return altered(cell, {"rig.drive.torque_delay_s": 0.02})
 
 
 def move(master: Master, joint: str, speed: float, periods: int) -> None:

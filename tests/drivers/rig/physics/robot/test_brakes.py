@@ -1,10 +1,8 @@
 """Brakes that take their time, slip, and hold; by the physics."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.drivers.rig.physics.world import World
 
 S1 = 0
@@ -17,10 +15,7 @@ def world_with():
     """Return a PA-10 of which s1 turns, and all other joints are held; its brakes may be told."""
 
     def make(**brakes):
-        cell = load_cell("pa10")
-        drive = cell.config.rig.drive.model_copy(update=brakes)
-        rig = cell.config.rig.model_copy(update={"drive": drive})
-        world = World(replace(cell, config=cell.config.model_copy(update={"rig": rig})))
+        world = World(altered(load_cell("pa10"), brakes, "rig.drive"))
         world.set_brake(S1, closed=False)
         world.dq[S1] = SPEED
         return world

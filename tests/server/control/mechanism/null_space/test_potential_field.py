@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.null_space import PotentialFieldSection, VirtualLinkSection
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.arm import Arm as ArmControl
@@ -38,9 +38,8 @@ STRENGTHS = PotentialFieldSection(obstacles=0.1, lines=0.2, joint_limits=0.1, ma
 def arm_among(name, obstacles, potential=STRENGTHS, **redundancy):
     """Return a shipped arm among obstacles, and the scene that its daemon would know."""
     cell = load_cell(name)
-    objectives = cell.config.redundancy.model_copy(update={"mid_range": 0.0, **redundancy})
-    changes = {"obstacles": obstacles, "potential": potential, "redundancy": objectives}
-    cell = dataclasses.replace(cell, config=cell.config.model_copy(update=changes))
+    cell = altered(cell, {"obstacles": obstacles, "potential": potential})
+    cell = altered(cell, {"mid_range": 0.0, **redundancy}, "redundancy")
     p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
     m = cell.config.mechanism
     settings = Settings(

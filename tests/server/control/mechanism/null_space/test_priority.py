@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from laboratory.bench.load import chain
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.mechanism.model import Mechanism
@@ -23,14 +23,11 @@ BALL = ObstacleSection(name="ball", shape="sphere", xyz=(0.35, -0.35, 0.5), radi
 
 
 def priority_of(cell=CELL, **changes):
-    law = cell.config.priority.model_copy(update=changes)
-    config = cell.config.model_copy(update={"priority": law})
-    return Priority.from_cell(dataclasses.replace(cell, config=config))
+    return Priority.from_cell(altered(cell, changes, "priority"))
 
 
 def scene_of(*obstacles):
-    config = CELL.config.model_copy(update={"obstacles": obstacles})
-    return ObstacleMap.from_cell(dataclasses.replace(CELL, config=config), Events()).scene(0)
+    return ObstacleMap.from_cell(altered(CELL, {"obstacles": obstacles}), Events()).scene(0)
 
 
 def null_at(q):
@@ -152,7 +149,7 @@ def test_without_precedence_all_of_the_force_is_followed():
 
 
 def test_precedence_comes_at_once_and_goes_gently():
-    priority = priority_of(inner_radius=0.3, outer_radius=0.35)
+    priority = priority_of(outer_radius=0.35, inner_radius=0.3)
     near = priority.look(START, scene_of(*CELL.config.obstacles), None)
     assert near.alpha == 1.0
     alphas = []

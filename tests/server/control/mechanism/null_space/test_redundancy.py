@@ -1,7 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from telerobot.config.load import altered
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.mechanism.potentials import manipulability_slope
@@ -156,11 +155,16 @@ def test_a_changed_gain_is_ramped_and_told(swung):
 
 
 def test_a_cell_says_what_the_null_space_is_for(pa10, start):
-    redundancy = pa10.cell.config.redundancy.model_copy(
-        update={"mid_range": 0.0, "posture": 2.0, "posture_name": "park"}
+    p = Parameters.from_cell(
+        altered(
+            pa10.cell,
+            {
+                "redundancy.mid_range": 0.0,
+                "redundancy.posture": 2.0,
+                "redundancy.posture_name": "park",
+            },
+        )
     )
-    config = pa10.cell.config.model_copy(update={"redundancy": redundancy})
-    p = Parameters.from_cell(replace(pa10.cell, config=config))
     found = redundancy_of(p, pa10.mechanism).objectives
     assert found.gains == OFF | {"posture": 2.0, "reflex": 1.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
