@@ -373,3 +373,11 @@ def test_check_refuses_a_daemon_that_anybody_may_command(arm):
     assert [text.partition(": ")[2] for text in warnings(arm)] == [
         "insecure: anybody who reaches it may command"
     ]
+
+
+def test_the_name_of_a_folder_does_nothing_to_the_terminal(arm, capsys):
+    folder = arm.parent / "\x1b]0;mine\x07\u202e"
+    assert certify(arm, "--directory", folder) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert all(line.isprintable() for line in lines)
+    assert any(r"\u001b]0;mine\u0007\u202e" in line for line in lines)

@@ -5,6 +5,7 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
+from ...config.errors import printable
 from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.network.certificates import Certificate, certificate, issued, read
 from ...protocols.roles import NAME
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     authority = Authority.of(folder)
     if authority is None:
         authority = Authority.make(folder, now)
-        print(f"made  {folder / 'authority'}  keep its key where nobody else gets at it")
+        _say(f"made  {folder / 'authority'}  keep its key where nobody else gets at it")
     anybody = args.operator or args.observer or args.sensor or args.router
     if args.renew and not anybody:
         holders = standing(authority, {c.config.name for c in cells}, frozenset(args.host))
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
             word = "made" if there is None else "renewed"
         _tell(word, path, certificate(read(path)))
     for path in write_router(folder, args.listen, args.router):
-        print(f"wrote {path}  configuration of the router")
+        _say(f"wrote {path}  configuration of the router")
     return 0
 
 
@@ -101,7 +102,11 @@ def _refuse_more(path: Path, there: Certificate, holder: Holder, hosts: frozense
 
 def _tell(word: str, path: Path, one: Certificate) -> None:
     granted = " ".join(grant.uri.partition(":")[2] for grant in one.grants)
-    print(f"{word:<7} {path.with_suffix('')}  until {one.ends:%Y-%m-%d}  {granted}")
+    _say(f"{word:<7} {path.with_suffix('')}  until {one.ends:%Y-%m-%d}  {granted}")
+
+
+def _say(line: str) -> None:
+    print(printable(line))
 
 
 def _folder(cells: list[Cell]) -> Path:

@@ -158,7 +158,7 @@ class _Show:
 
 
 def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    print(printable(line), file=sys.stderr, flush=True)
 
 
 def _table(summary: dict[str, object]) -> str:
@@ -175,4 +175,4 @@ def _table(summary: dict[str, object]) -> str:
         "errors": summary["errors"] or "none",
         "failure": summary["failure"] or "none",
     }
-    return "\n".join(f"{name:<22} {value}" for name, value in rows.items())
+    return "\n".join(printable(f"{name:<22} {value}", 100_000) for name, value in rows.items())

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from ...config.errors import printable
 from ...config.load import Cell
 from .address import moved, options
 
@@ -167,7 +168,7 @@ class LocalPlant:
         lines = []
         for name, path in self._errors:
             text = path.read_text(encoding="utf-8", errors="replace")
-            lines += [f"{name}: {line}\n" for line in text.splitlines()]
+            lines += [printable(f"{name}: {line}") + "\n" for line in text.splitlines()]
         return "".join(lines)
 
     def _start(
