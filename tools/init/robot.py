@@ -58,7 +58,7 @@ class UrdfArm:
     standing: list[str] = field(default_factory=list)
     """Joints of these that carry the arm, each with what it is."""
     fingers: list[str] = field(default_factory=list)
-    """Joints of these that the arm carries: a gripper's."""
+    """Joints of these that its last link carries: a gripper's."""
     own: frozenset[str] = frozenset()
     """The links that its first joint carries."""
 
@@ -103,11 +103,12 @@ def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> 
     moved = [joint for arm in arms for joint in arm.chain]
     held = [j.get("name", "") for j in root.findall("joint") if movable(j) and j not in moved]
     for arm in arms:
-        arm.own = own = frozenset(carried_by(root, end_of(arm.chain[0], "child")))
+        arm.own = frozenset(carried_by(root, end_of(arm.chain[0], "child")))
+        hand = carried_by(root, end_of(arm.chain[-1], "child"))
         arm.fingers = [
             j.get("name", "")
             for j in root.findall("joint")
-            if j.get("name") in held and end_of(j, "parent") in own
+            if j.get("name") in held and end_of(j, "parent") in hand
         ]
         arm.held = held
     wrong: list[str] = []

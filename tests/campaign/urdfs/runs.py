@@ -1,9 +1,16 @@
-"""Part `urdf`: every serial arm among installed robot descriptions, from its URDF to motion."""
+"""Part `urdf`: every arm among installed robot descriptions, from its URDF to motion."""
+
+from pathlib import Path
+from typing import Final
 
 from ..part import Part, Selection
 from ..runs import Runs
 from .collection import NEEDED, Published, published
+from .pictures import write_sheet
 from .trial import UrdfTrial, try_arm
+
+FOLDER: Final = Path("out/urdf")
+"""Cells stay there, to look at."""
 
 
 class Trials(Runs[UrdfTrial]):
@@ -33,12 +40,17 @@ class Trials(Runs[UrdfTrial]):
             f"{run.ratio:.2f} × hulls, {run.init_s:.0f} s to motion"
             for run in self.runs
         ]
+        if pictures := sorted(
+            p for run in self.runs if (p := FOLDER / f"{run.name}.png").is_file()
+        ):
+            write_sheet(pictures, FOLDER / "sheet.png")
+            rows += [f"every arm as the page draws it: {FOLDER / 'sheet.png'}"]
         return [*(rows or [f"no arms are installed: {NEEDED}"]), *super().lines()]
 
 
 def play(arm: Published) -> UrdfTrial:
     """Try one arm."""
-    return try_arm(arm.name, arm.urdf)
+    return try_arm(arm.name, arm.urdf, arm.tips, folder=FOLDER)
 
 
 def jobs(selection: Selection) -> list[Published]:

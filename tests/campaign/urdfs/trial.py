@@ -7,7 +7,7 @@ Nobody edits anything: the cell is as `init` writes it. The second run's cell be
 import re
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -18,10 +18,12 @@ from telerobot.config.load import load_cell
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import TO_WALL, Made, make
-from telerobot.tools.init.robot import read_arm
+from telerobot.tools.init.robot import read_arms
 from telerobot.tools.init.tool import BALL
 from telerobot.tools.simulation.result import Result
 from telerobot.tools.simulation.simulation import simulate
+
+from .pictures import look
 
 POSE_M: Final = 1e-3
 """A pose move ends no farther from its target [m]."""
@@ -54,76 +56,107 @@ class UrdfTrial:
 
 
 def try_arm(
-    name: str, urdf: Path, tip: str | None = None, packages: Mapping[str, Path] | None = None
+    name: str,
+    urdf: Path,
+    tips: Sequence[str] = (),
+    packages: Mapping[str, Path] | None = None,
+    folder: Path | None = None,
 ) -> UrdfTrial:
-    """Make a cell of a URDF, run it, and judge the runs."""
+    """Make a cell of a URDF, run it, and judge the runs; `tips` as for `init`.
+
+    The cell stays in `folder`, if there is one.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as found:
+            return _tried(name, urdf, tips, packages or {}, Path(found))
+    folder.mkdir(parents=True, exist_ok=True)
+    return _tried(name, urdf, tips, packages or {}, folder)
+
+
+def _tried(
+    name: str, urdf: Path, tips: Sequence[str], packages: Mapping[str, Path], folder: Path
+) -> UrdfTrial:
     began = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "arm.toml"
-        try:
-            arm = read_arm(urdf, tip, packages or {})
-            made = make(arm, out)
-            out.write_text(made.cell, encoding="utf-8")
-            out.with_name("arm_script.toml").write_text(made.script, encoding="utf-8")
-            reasons = [
-                f"check: {f.check}: {f.text}"
-                for f in judge(load_cell(out))
-                if f.status is Severity.ERROR
-            ]
-            init_s = time.monotonic() - began
-            pushed = simulate(out)
-            reasons += _against("push", pushed)
-            force = float(str(pushed.summary["contact_force_n"]))
-            if abs(force - made.draft.push) > FORCE * made.draft.push + NOISE_N:
-                reasons.append(f"the push is {force:.3g} N, planned {made.draft.push:.3g} N")
-            kept = _keep_clear(made, out)
-        except ConfigError as error:
-            return UrdfTrial(name, reasons=list(error.messages))
+    out = folder / f"{name}.toml"
+    try:
+        arms = read_arms(urdf, tips, packages)
+        made = make(arms, out)
+        out.write_text(made.cell, encoding="utf-8")
+        out.with_name(f"{name}_script.toml").write_text(made.script, encoding="utf-8")
+        reasons = [
+            f"check: {f.check}: {f.text}"
+            for f in judge(load_cell(out))
+            if f.status is Severity.ERROR
+        ]
+        init_s = time.monotonic() - began
+        pushed = simulate(out)
+        reasons += _against("push", pushed)
+        force = float(str(pushed.summary["contact_force_n"]))
+        if abs(force - made.draft.push) > FORCE * made.draft.push + NOISE_N:
+            reasons.append(f"the push is {force:.3g} N, planned {made.draft.push:.3g} N")
+        reasons += look(load_cell(out), pushed, out.with_suffix(".png"))
+        kept = _keep_clear(made, out)
+        # The arm rightly stands off a target that the sphere is in the way of.
+        blocked = any(name.endswith(":sphere") for name in kept.states[-1].limits)
+        posed = _keep_clear(made, out, sphere=False) if blocked else kept
+    except ConfigError as error:
+        return UrdfTrial(name, reasons=list(error.messages))
     reasons += _against("clearance and pose", kept)
-    pose, clearance = kept.summary["tool_error_m"], kept.summary["min_clearance_m"]
+    reasons += _against("pose", posed) if blocked else []
+    pose, clearance = posed.summary["tool_error_m"], kept.summary["min_clearance_m"]
     if not isinstance(pose, float) or pose > POSE_M:
         reasons.append(f"the pose move ends {pose} m from its target")
     if not isinstance(clearance, float) or clearance < CLEARANCE - ROUNDING:
         reasons.append(f"the sphere is passed at {clearance} m, promised {CLEARANCE:g}")
     elif clearance > AHEAD - ROUNDING:
         reasons.append(f"the arm never came near the sphere: {clearance:.3g} m")
-    ratios = [fit.ratio for fit in arm.fits if np.isfinite(fit.ratio)]
+    ratios = [fit.ratio for arm in arms for fit in arm.fits if np.isfinite(fit.ratio)]
     return UrdfTrial(
-        name, len(made.draft.drives), _number(pose), force, _number(clearance),
-        float(np.mean(ratios)) if ratios else float("nan"), reasons, init_s,
+        name, sum(len(draft.drives) for draft in made.drafts), _number(pose), force,
+        _number(clearance), float(np.mean(ratios)) if ratios else float("nan"), reasons, init_s,
     )  # fmt: skip
 
 
-def _keep_clear(made: Made, out: Path) -> Result:
-    """Drive the tool at a sphere, then go back and to a pose."""
+def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
+    """Drive the tool at a sphere, then go back and to a pose; without the sphere, to the pose."""
     plan = made.plan
     wall = made.draft.wall
     if wall is None:
         raise ConfigError(f"{out}: rig.wall: missing")
     ball = wall[0] - plan.forward * (TO_WALL + BALL)
     centre = ball + plan.forward * (BALL + AHEAD + SPHERE)
-    sphere = (
+    obstacle = (
         '\n[[obstacles]]\nname = "sphere"\nshape = "sphere"\n'
         f"xyz = {centre.round(5).tolist()}\nradius = {SPHERE}\n"
     )
-    cell = out.with_name("clear.toml")
+    cell = out.with_name(f"{out.stem}_clear.toml")
     # The arm begins at `ready`: at `start` a link may be where the sphere is.
     text = re.sub(
         "^start = .*", f"start = {made.draft.postures['ready']}", made.cell, count=1, flags=re.M
     )
-    cell.write_text(text + sphere, encoding="utf-8")
+    cell.write_text(text + obstacle * sphere, encoding="utf-8")
     twist = [*(0.03 * plan.forward).round(6).tolist(), 0.0, 0.0, 0.0]
     xyz, rpy = (values.round(6).tolist() for values in plan.target)
-    at = 0.2 + plan.ready_s
-    steps = [
-        '[[step]]\nat_s = 0.2\n"cmd/posture" = { posture = "ready" }',
-        f"[[step]]\nat_s = {at:.2f}\nfor_s = 2.5\n"
-        f'"cmd/joystick" = {{ twist = {twist}, expressed_in = "world" }}',
-        f'[[step]]\nat_s = {at + 3.0:.2f}\n"cmd/posture" = {{ posture = "ready" }}',
-        f"[[step]]\nat_s = {at + 5.0 + plan.ready_s:.2f}\n"
-        f'"cmd/position" = {{ xyz = {xyz}, rpy = {rpy}, relative_to = "world" }}',
+    at = 0.2 + max(each.ready_s for each in made.plans)
+    several = len(made.drafts) > 1
+    of, task = (
+        f'{key} = "{made.draft.arm.name}", ' if several else "" for key in ("mechanism", "task")
+    )
+    others = [
+        f'[[step]]\nat_s = 0.2\n"cmd/posture" = {{ mechanism = "{draft.arm.name}", '
+        'posture = "ready" }'
+        for draft in made.drafts[1:]
     ]
-    script = out.with_name("clear_script.toml")
+    steps = [
+        f'[[step]]\nat_s = 0.2\n"cmd/posture" = {{ {of}posture = "ready" }}',
+        *others,
+        f"[[step]]\nat_s = {at:.2f}\nfor_s = 2.5\n"
+        f'"cmd/joystick" = {{ {task}twist = {twist}, expressed_in = "world" }}',
+        f'[[step]]\nat_s = {at + 3.0:.2f}\n"cmd/posture" = {{ {of}posture = "ready" }}',
+        f"[[step]]\nat_s = {at + 5.0 + plan.ready_s:.2f}\n"
+        f'"cmd/position" = {{ {task}xyz = {xyz}, rpy = {rpy}, relative_to = "world" }}',
+    ]
+    script = out.with_name(f"{out.stem}_clear_script.toml")
     ends = at + 7.0 + plan.ready_s + plan.target_s
     script.write_text("\n".join([f"duration_s = {ends:.1f}", *steps]), encoding="utf-8")
     return simulate(cell, str(script))
@@ -136,6 +169,8 @@ def _against(what: str, result: Result) -> list[str]:
         reasons.append(f"{what}: not played: {result.summary['failure']}")
     if result.summary["limit_violations"]:
         reasons.append(f"{what}: limits broken: {result.summary['violations']}")
+    if own := result.summary["own_contact_n"]:
+        reasons.append(f"{what}: links press each other with {own:.3g} N")
     events = result.summary["events"]
     reasons += [
         f"{what}: {event['name']} at {event['t_s']:.2f} s: {event['detail']}"

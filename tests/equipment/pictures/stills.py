@@ -21,7 +21,7 @@ from telerobot.config.load import Cell, ConfigError, load_cell, shipped
 from telerobot.tools.host.local_plant import ChildDied
 from telerobot.tools.operator.web.scene import scene_of
 
-from .moments import MOMENTS, Moment, run_of
+from .moments import MOMENTS, Moment, Run, run_of
 from .whole import take_whole
 
 ROOT: Final = Path(__file__).resolve().parents[3]
@@ -63,13 +63,18 @@ class _Handler(SimpleHTTPRequestHandler):
         """Say nothing: what is missing shows in the page's own messages."""
 
 
-def take(browser: Browser, cell: Cell, moment: Moment, picture: Path) -> list[str]:
-    """Write the picture of a cell; return what the page complained of."""
+def take(
+    browser: Browser, cell: Cell, moment: Moment, picture: Path, run: Run | None = None
+) -> list[str]:
+    """Write the picture of a cell; return what the page complained of.
+
+    Of a `run` that there is, else of its own to that moment.
+    """
     scene = scene_of(cell)
     told = {
         **scene.files,
         "/description.json": json.dumps(scene.description).encode(),
-        "/run.json": run_of(cell, moment).json(),
+        "/run.json": (run or run_of(cell, moment)).json(),
         "/": (STATIC / "scene" / "still.html").read_bytes(),
     }
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, told=told))
