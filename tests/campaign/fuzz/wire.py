@@ -20,14 +20,15 @@ from .outcome import Outcome
 EVERY = 10
 """Of the seeds, the first of so many is played on the wire, too: processes take their time [1]."""
 CELL = "pa10_scene"
-SECONDS = 6.0
-"""Length of the attack [s]."""
+FULL_S, SECONDS = 4.0, 6.0
+"""The attack fills every ring of messages [s], and goes on for so long [s]."""
 AT_ONCE = 40
 """Messages between two turns of the operator [1]."""
 START_S = 60.0
 """Processes are up within [s]."""
 MOST_MB = 20.0
-"""The daemon's memory may grow by so much [MB]."""
+"""Once rings are full, its memory may grow by so much [MB]; the flight recorder keeps 1 MB a second
+of it until it has its 20 s."""
 
 
 def play(seed: int) -> Outcome:
@@ -58,10 +59,12 @@ def _attack(plant: LocalPlant, seed: int, outcome: Outcome) -> None:
         operator.enable()
         operator.joystick([0.0, 0.0, 0.005, 0.0, 0.0, 0.0], expressed_in="base")
         operator.spin(1.0)
-        before_mb, first = _resident_mb(plant), len(operator.events)
+        before_mb, first = None, len(operator.events)
         session = Session(operator.cell, operator.endpoint)
-        end_s = time.monotonic() + SECONDS
-        while time.monotonic() < end_s:
+        full_s = time.monotonic() + FULL_S
+        while time.monotonic() < full_s + SECONDS:
+            if before_mb is None and time.monotonic() > full_s:
+                before_mb = _resident_mb(plant)
             plant.raise_if_dead()
             for _ in range(AT_ONCE):
                 said = stranger.draw(operator.client.seen_tick)
@@ -74,7 +77,7 @@ def _attack(plant: LocalPlant, seed: int, outcome: Outcome) -> None:
             operator.turn()
         session.close()
         operator.spin(0.5)
-        grown = _resident_mb(plant) - before_mb
+        grown = _resident_mb(plant) - (before_mb or 0.0)
         if grown > MOST_MB:
             outcome.reasons.append(f"the daemon grew by {grown:.1f} MB, at most {MOST_MB:g}")
         if not operator.holds_lease:
