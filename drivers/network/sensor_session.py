@@ -20,22 +20,23 @@ RETRY_S = 0.5
 def dial(cell: Cell, identity: Identity | None, over: Over, ready: str = "") -> Session | None:
     """Return a session with the daemon, however long it takes to appear; None when told to end.
 
-    `ready` is printed then, if given.
+    It is dialled once in any case. `ready` is printed then, if given.
     """
     told_so = False
-    while not over():
+    while True:
         try:
             session = Session(cell.config.name, cell.config.zenoh.dialled, identity)
         except ConnectionError as error:
             if not told_so:
                 told_so = True
                 print(f"telerobot: waiting: {printable(error)}", file=sys.stderr, flush=True)
+            if over():
+                return None
             time.sleep(RETRY_S)
         else:
             if ready:
                 print(f"telerobot: {ready}", flush=True)
             return session
-    return None
 
 
 def newest(inbox: TopicBuffer, kind: type[MessageT], max_bytes: int) -> MessageT | None:
