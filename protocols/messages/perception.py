@@ -24,6 +24,9 @@ NOTHING: Final = 0xFFFF
 """Nothing is in a cell: no distance, and not 0 either."""
 
 
+Slid = Annotated[float, Field(ge=-10, le=10)]
+
+
 class ContourNews(Message):
     """The contour ahead of the arm, and the reflex to it; news of a sensor, not an order.
 
@@ -36,6 +39,10 @@ class ContourNews(Message):
     none where it may stay as it is; `most_speed` [m/s] bounds how fast the base may drive ahead,
     none: as it likes; `most_speed_back` the same back over ground that was seen. `phase` is that of
     the passage, `reason` why there is no way.
+
+    `slipping`: the wheels roll, and the base does not come as far, by what the scans see. `slide`
+    is the motion of Base, in its own frame, that its odometry missed since it was last told: x and
+    y [m], yaw [rad].
     """
 
     tick: Count
@@ -48,6 +55,8 @@ class ContourNews(Message):
     posture: tuple[Angle, ...] | None = Field(None, max_length=64)
     most_speed: float | None = Field(None, ge=0, le=100)
     most_speed_back: float = Field(0.0, ge=0, le=100)
+    slipping: bool = False
+    slide: tuple[Slid, Slid, Angle] | None = None
 
     @model_validator(mode="after")
     def _is_whole(self) -> "ContourNews":

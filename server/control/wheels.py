@@ -207,6 +207,14 @@ class Odometry(NamedTuple):
         """Return it with news of where Base was, when the odometry had it at `T_then`."""
         return self._replace(drift=pose_error(T_world_base, T_then))
 
+    def slid(self, T_then: Pose, x: float, y: float, yaw: float) -> "Odometry":
+        """Return it with news that Base slid: by x, y [m] and `yaw` [rad], seen from `T_then`.
+
+        It had missed that motion; what was still to be corrected before stays so.
+        """
+        way = np.concatenate((T_then.R @ (x, y, 0.0), T_then.R @ (0.0, 0.0, yaw)))
+        return self._replace(drift=self.drift + way)
+
     def corrected(self, most: tuple[float, float], period_s: float) -> tuple["Odometry", Array]:
         """Return it a period further on its way to what news said, and the twist (6,) of that.
 

@@ -380,7 +380,7 @@ class Dispatcher:
             elif isinstance(news, ObstacleNews):
                 self._units.obstacles.take(news, tick, queued.sender)
             elif isinstance(news, ContourNews):
-                self._units.ahead().take(news, tick)
+                self._units.ahead().look_ahead(news, tick)
             elif isinstance(news, FrameNews):
                 for unit in self._units.each:
                     unit.perception.moving_frames.take(news, tick)

@@ -11,7 +11,7 @@ from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection
 from ...protocols.messages.perception import NOTHING, ContourNews
 from ..control.scene import Body
-from ..control.spatial import Array, Pose, rotation_exp
+from ..control.spatial import Array, Pose, rotation_exp, sizes
 from ..control.state import Memory
 from ..control.wheels import Odometry, Rolling
 from ..events import Events
@@ -317,6 +317,10 @@ class BaseTracker:
         """At which the commanded base is being corrected, at its origin in World axes."""
         self.slips = False
         """Odometry and news disagree: where the tool is in World is not known."""
+        self.slipping = False
+        """A scanner sees wheels slip now: a drive stops."""
+        self._told: int | None = None
+        """Tick of the newest news of that."""
         self._past = deque[tuple[int, Pose]](maxlen=round(REMEMBERED_S / period_s))
         self._newest = -1
 
@@ -341,6 +345,10 @@ class BaseTracker:
             self._section.correction, self._period_s
         )
         self._past.append((tick, self.odometry.measured))
+        if self._told is not None and (tick - self._told) * self._period_s > REMEMBERED_S:
+            self.slipping = False
+        if self.slips and self._told is not None:
+            self._judge(*sizes(self.odometry.drift))
         return self.odometry.body(self.twist)
 
     def take_pose(self, tick: int, T_world_base: Pose) -> None:
@@ -359,6 +367,17 @@ class BaseTracker:
         turn = rotation_exp(np.array([0.0, 0.0, HEADING_GAIN * off]))
         self._see(T_then, Pose(turn @ T_then.R, T_then.p), heading=off)
 
+    def take_slide(
+        self, tick: int, slipping: bool, slide: tuple[float, float, float] | None
+    ) -> None:
+        """Take in whether a scanner sees wheels slip, and how Base slid by then: x, y, yaw."""
+        self.slipping, self._told = slipping, tick
+        T_then = next((T for then, T in self._past if then == tick), None)
+        if slide is None or T_then is None:
+            return
+        self.odometry = self.odometry.slid(T_then, *slide)
+        self._judge(*sizes(self.odometry.drift))
+
     def _at(self, tick: int) -> Pose | None:
         """Return where the odometry had Base at a tick; None for news that is not newer."""
         if tick <= self._newest:
@@ -370,12 +389,14 @@ class BaseTracker:
 
     def _see(self, T_then: Pose, T_world_base: Pose, heading: float | None = None) -> None:
         self.odometry = self.odometry.seen(T_then, T_world_base)
-        drift = self.odometry.drift
-        off = float(np.linalg.norm(drift[:3]))
-        turned = float(np.linalg.norm(drift[3:])) if heading is None else abs(heading)
+        off, turned = sizes(self.odometry.drift)
+        self._judge(off, turned if heading is None else abs(heading))
+
+    def _judge(self, off: float, turned: float) -> None:
+        """Tell whether wheels slip: odometry and news differ by [m] and [rad]."""
         far, wide = self._section.slip
         worst = max(off / far, turned / wide)
-        if worst > 1.0 and not self.slips:
+        if not self.slips and (worst > 1.0 or self.slipping):
             self.slips = True
             self._events.warning(
                 "wheels_slip",
@@ -384,6 +405,6 @@ class BaseTracker:
                 distance_m=off,
                 angle_rad=turned,
             )
-        elif worst < AGREES and self.slips:
+        elif self.slips and worst < AGREES and not self.slipping:
             self.slips = False
             self._events.info("wheels_grip", "odometry and news of Base agree again")

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from ...config.load import Cell
+from ...protocols.messages.perception import ContourNews
 from ..commands.commands import Commands
 from ..control.arm import Arm
 from ..control.mechanism.wrench import Payload
@@ -11,6 +12,7 @@ from ..control.state import Memory, Output
 from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
+from ..refusals import Refused, Why
 from .ahead import Passage
 from .cameras import SightLines, VisionTracker
 from .collisions import CollisionMonitor, WallMonitor
@@ -87,6 +89,14 @@ class Perception:
         moved = commands.frames.moved
         self.collisions.update(reading, memory, output, moved, mode, self.load.doubt, tool)
 
+    def look_ahead(self, news: ContourNews, tick: int) -> None:
+        """Take in a contour, and what scans say of slip. Raises `Refused` where it does not fit."""
+        if self.passage is None:
+            raise Refused(Why.NOT_NOW, "the cell says nothing of a contour")
+        self.passage.take(news, tick)
+        if self.moving_frames.base is not None:
+            self.moving_frames.base.take_slide(news.tick, news.slipping, news.slide)
+
     def weighed(self, payload: Payload) -> bool:
         """Return whether the sensor reads the weight of a payload: so it hangs there."""
         unloaded, at = self.sensor.unloaded, self._T_world_mrf
@@ -102,6 +112,12 @@ class Perception:
             frames = self._commands.frames
             T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()
             self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
+
+    @property
+    def slipping(self) -> bool:
+        """True while a scanner sees that the base does not come as far as its wheels roll."""
+        base = self.moving_frames.base
+        return base is not None and base.slipping
 
     @property
     def touched(self) -> bool:

@@ -31,10 +31,10 @@ from ..control.task.source import ViewGoal
 from ..control.tick import Control
 from ..events import Events
 from ..mode import Mode
-from ..perception.ahead import Passage
 from ..perception.cameras import VisionTracker
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
+from ..perception.perception import Perception
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds
@@ -424,11 +424,11 @@ class Units:
         known = ", ".join(c.name for unit in self.each for c in unit.cell.config.cameras) or "none"
         raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
 
-    def ahead(self) -> Passage:
-        """Return what keeps the contour ahead. Raises `Refused` in a cell that looks for none."""
+    def ahead(self) -> Perception:
+        """Return what looks at the contour ahead. Raises `Refused` in a cell without one."""
         for unit in self.each:
             if unit.perception.passage is not None:
-                return unit.perception.passage
+                return unit.perception
         raise Refused(Why.NOT_NOW, "the cell says nothing of a contour")
 
     def _named(self, name: str, why: Why, kind: str) -> Unit:
@@ -509,6 +509,8 @@ class Units:
             return "obstacle stale"
         if self.settings.avoid and any(unit.blind for unit in self.each):
             return "scanner silent"
+        if self.settings.avoid and any(unit.perception.slipping for unit in self.each):
+            return "wheels slip"
         for joint in self.joint:
             if joint.reason_to_stop is not None:
                 return joint.reason_to_stop

@@ -31,6 +31,7 @@ from .placing import (
     place,
 )
 from .reflex import CriticalPoints, PassageReflex, Reach, Reaction, Search, speed_within
+from .slip import SlipMonitor
 
 SCAN: Final = "scan"
 """Name under which a scanner tells of obstacles; that of its certificate, too."""
@@ -107,6 +108,8 @@ class Scanning:
             wait=contour.wait,
             trigger=contour.plane.ahead,
         )
+        self.slip = SlipMonitor.from_cell(cell)
+        """Wheels against scans; None for an arm that does not roll."""
         self.events: deque[str] = deque(maxlen=100)
         """Words about telegrams that were refused, and missing rays, for who prints them."""
         self.scans = self.refused = 0
@@ -143,11 +146,18 @@ class Scanning:
 
     def forget(self) -> None:
         """Know nothing: the daemon, or the scanner, started again."""
+        self._forget_places()
+        self.ring = Ring()
+        self._waiting.clear()
+        if self.slip is not None:
+            self.slip.forget()
+            self.slip.slipping = False
+
+    def _forget_places(self) -> None:
+        """Know nothing of where things are: the odometry's frame is another one."""
         self.memory.forget()
         self.ground.forget()
         self.reflex.forget()
-        self.ring = Ring()
-        self._waiting.clear()
 
     # --- one scan ----------------------------------------------------------------------------
 
@@ -179,6 +189,8 @@ class Scanning:
         ends = raw if echo.all() else place(time_s, angle, beyond, knots)
         self.ground.see(knots.p[middle], ends, echo, own, now.time_s)
         self.memory.add(points[self._in_reach(points, now)])
+        if self.slip is not None:
+            self.slip.see(np.where(own[:, None], np.nan, raw), now)
         looked = Looked(scan, points, own)
         if self.scans % CONTOUR_EVERY:
             return looked
@@ -207,6 +219,12 @@ class Scanning:
     # --- contour and reflex ------------------------------------------------------------------
 
     def _answer(self, looked: Looked, now: MeasuredInstant) -> Looked:
+        slide, slipping = None, False
+        if self.slip is not None:
+            slipped, slide = self.slip.slipping, self.slip.judge()
+            slipping = self.slip.slipping
+            if slipping is not slipped:
+                self._forget_places()
         R, p = now.T_world_base
         foot = p + R @ self._foot
         q = now.q[self._points.arm]
@@ -224,7 +242,9 @@ class Scanning:
         )
         self.ground.stand(now.T_world_base, now.time_s)
         back = speed_within(self.ground.room(now.T_world_base, now.time_s))
-        messages: list[ContourNews | ObstacleNews] = [self._news(now.tick, contour, answer, back)]
+        news = self._news(now.tick, contour, answer, back)
+        news = news.model_copy(update={"slipping": slipping, "slide": slide})
+        messages: list[ContourNews | ObstacleNews] = [news]
         if self.scans % BOXES_EVERY == 0:
             boxes = boxes_of(passed, BOXES_BEHIND)
             boxes += boxes_of(contour, MOST - len(boxes))

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import altered, load_cell
-from telerobot.config.schema.rig import RigBridgeSection
+from telerobot.config.schema.rig import BoxSection, RigBridgeSection, RigPersonSection
 from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.drivers.rig.physics.sensors import Rangefinder
 from telerobot.server.control.spatial import Pose
@@ -16,6 +16,8 @@ from telerobot.server.perception.scanning.scanning import Looked, Scanning
 
 Array = NDArray[np.float64]
 PERIOD_S = 0.01
+RADIUS = 0.12
+"""Of its wheels [m]."""
 
 
 class Rover:
@@ -28,13 +30,18 @@ class Rover:
         seed: int = 1,
         start: tuple[float, ...] | None = None,
         sweep: tuple[float, float] | None = None,
+        boxes: tuple[BoxSection, ...] = (),
+        person: RigPersonSection | None = None,
         **contour: object,
     ) -> None:
-        """Put it before a bridge, its arm in the posture `start`, sweeping between two angles."""
+        """Put it before a bridge, its arm in the posture `start`, sweeping between two angles.
+
+        `boxes` stand around it, and a `person`, who can be placed.
+        """
         cell = load_cell("rover_bridge")
         config = cell.config
-        cell = altered(cell, {"rig.bridge": bridge, "rig.seed": seed})
-        self.cell = altered(cell, contour, "contour")
+        rig = {"bridge": bridge, "seed": seed, "boxes": boxes, "person": person}
+        self.cell = altered(altered(cell, rig, "rig"), contour, "contour")
         self.model, fixed = build_model(self.cell)
         self.data = mujoco.MjData(self.model)
         self.finder = Rangefinder(self.cell, self.model, self.data)
@@ -49,6 +56,10 @@ class Rover:
             self.q[2:-1] = start
         self.q[-1] = self.sweep.low
         self.x, self.speed, self.time_s, self.tick = 0.0, speed, 0.0, 0
+        self.rolled = 0.0
+        """How far its wheels, and so its odometry, say that it came [m]."""
+        self.grip = 1.0
+        """Share of that which it really comes [1]."""
         self.newest: Looked | None = None
         self.phases: list[str] = []
         self.least = 1.0
@@ -76,6 +87,7 @@ class Rover:
     def step(self) -> None:
         """One control period; the rays of every two milliseconds are cast together."""
         before, x, slope = self.q.copy(), self.x, self._sweep()
+        rolled = self.rolled
         step = np.zeros(len(self.q))
         step[-1] = slope * PERIOD_S
         answer = None if self.newest is None else self.newest.answer
@@ -84,14 +96,16 @@ class Rover:
             way = answer.posture - self.q[2:-1]
             step[2:-1] = way * min(1.0, 0.7 * PERIOD_S / max(float(np.abs(way).max()), 1e-9))
         for part in (0.2, 0.4, 0.6, 0.8, 1.0):
-            self.q, self.x = before + part * step, x + part * most * PERIOD_S
+            self.q, self.rolled = before + part * step, rolled + part * most * PERIOD_S
+            self.x = x + part * most * PERIOD_S * self.grip
+            self.q[:2] = self.rolled / RADIUS
             self.put()
             time_s = self.time_s + part * PERIOD_S
             scan = self.finder.step(time_s)
             if scan is not None:
                 self.scanning.take(scan, scan.start_us * 1e-6)
         self.time_s, self.tick = self.time_s + PERIOD_S, self.tick + 1
-        base = Pose(np.eye(3), np.array([self.x, 0.0, 0.0]))
+        base = Pose(np.eye(3), np.array([self.rolled, 0.0, 0.0]))
         for looked in self.scanning.hear(
             MeasuredInstant(self.tick, self.time_s, self.q.copy(), base)
         ):
@@ -101,6 +115,11 @@ class Rover:
                     self.phases.append(looked.answer.phase.value)
         if self.tick % 10 == 0 and self.bridge:
             self.least = min(self.least, self.clearance())
+
+    def place_person(self, x: float, y: float) -> None:
+        """Put the person somewhere on the floor."""
+        body = self.model.body_mocapid[self.model.body("person").id]
+        self.data.mocap_pos[body, :2] = x, y
 
     def _sweep(self) -> float:
         """Return the rate of the axis that sweeps [rad/s]."""
