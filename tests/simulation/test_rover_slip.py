@@ -1,9 +1,7 @@
 """A rover whose wheels turn while it stays behind: its scans tell, it stops, and it knows where."""
 
-from dataclasses import replace
-
 import numpy as np
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import BoxSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
@@ -18,9 +16,7 @@ AHEAD = BoxSection(name="ahead", xyz=(4.0, 0.0, 1.0), half_size=(0.1, 2.0, 1.0))
 
 def on_ice(boxes: tuple[BoxSection, ...], seconds: float) -> Simulation:
     """Return a run in which the base is driven ahead at 0.3 m/s, between walls and on ice."""
-    cell = load_cell("rover_bridge")
-    rig = cell.config.rig.model_copy(update={"bridge": None, "boxes": boxes})
-    cell = replace(cell, config=cell.config.model_copy(update={"rig": rig}))
+    cell = altered(load_cell("rover_bridge"), {"rig.bridge": None, "rig.boxes": boxes})
     drive = {"at_s": 0.3, "cmd/drive": {"rates": [0.3, 0.0]}}
     run = Simulation(cell, Script.model_validate({"duration_s": seconds, "step": [drive]}))
     for wheel in ("wheel_left", "wheel_right"):
