@@ -382,8 +382,8 @@ class Asking:
         asked = self._coming_back(stance, inputs, motion.q, k, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
-        retreat, asked = self._giving_way(memory, inputs, k, asked)
         error = memory.sent[1] - inputs.q_measured
+        retreat, asked = self._giving_way(memory, inputs, k, asked, error)
         share = self.stages.body.wall_scale(asked.found, motion.q, error, asked.dq)
         if share < 1.0:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
@@ -578,7 +578,7 @@ class Asking:
         return asked._replace(dq=dq, limits=limits)
 
     def _giving_way(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted, error: Array
     ) -> tuple[RetreatState | None, Wanted]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
@@ -586,7 +586,10 @@ class Asking:
         q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         step = self.stages.retreat.step
         relieving = asked.by_joint and asked.twists["force"] is not NO_TWIST
-        state, dq = step(memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving)
+        held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
+        state, dq = step(
+            memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving, held_up
+        )
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:

@@ -217,12 +217,14 @@ class Retreat:
         time_s: float,
         held: bool,
         relieving: bool = False,
+        held_up: Array | float = 0.0,
     ) -> tuple[RetreatState, Array]:
         """Return the rates to ask for, `dq` (n,) with the retreat added [rad/s].
 
         q (n,) is the command [rad], J (6, n) the MRF's Jacobian there, in World axes, and `dq` what
         bleeding off asks for while the arm is `held`. Force control is `relieving` contact that
-        commanded joints press on.
+        commanded joints press on. `held_up` (n,) is the sign of the error of joints that are far
+        behind their command, 0 for others.
         """
         if self._stands is not None:
             q = np.where(self._stands, 0.0, q)
@@ -235,7 +237,7 @@ class Retreat:
         tool = tool_push(pushed, new)
         back = _way_back(state, q)
         if back is not None and not self._bound:
-            state, back = _unopposed(state, q, back, tool, pushed)
+            state, back = _unopposed(state, q, back, tool, pushed, held_up)
         state, way = self._direction(state, q, back, new, tool, pushed)
         if leads_into(dq, pushed) or (_forward(dq, back) and not relieves(dq, seen, new, pushed)):
             dq = np.zeros_like(dq)
@@ -381,20 +383,23 @@ def _way_back(state: RetreatState, q: Array) -> Array | None:
 
 
 def _unopposed(
-    state: RetreatState, q: Array, back: Array, tool: Array, pushed: Pushed
+    state: RetreatState, q: Array, back: Array, tool: Array, pushed: Pushed, held_up: Array | float
 ) -> tuple[RetreatState, Array]:
-    """Return the direction `back` (n,) without the joints that would press the tool on.
+    """Return the direction `back` (n,) without the joints that would press on.
 
     `tool` (n,) is what the tool's contact turns them with [N·m]. A tool that came straight presses
     one joint back and another one forth: that may have met its torque limit, or the end of its
-    leash, and would hold up all. So the rest of the way leads on from where it is.
+    leash, and would hold up all. So would a joint that contact of a link has `held_up` (n,), and
+    that the way leads further ahead. So the rest of the way leads on from where it is.
     """
-    out = -tool * back > pushed.bound * np.abs(back)
-    if not out.any() or float(tool @ back) <= 0.0:
+    out = held_up * back > 0.0
+    if float(tool @ back) > 0.0:
+        out |= -tool * back > pushed.bound * np.abs(back)
+    if not out.any():
         return state, back
     off, free = np.where(out, q - state.way[-1], 0.0), np.where(out, 0.0, back)
     state = state._replace(way=tuple(posture + off for posture in state.way), shifted=True)
-    return state, free / float(np.abs(free).max())
+    return state, free / max(float(np.abs(free).max()), 1e-12)
 
 
 def _forward(dq: Array, back: Array | None) -> bool:

@@ -131,3 +131,14 @@ def test_contact_that_a_stop_runs_into_is_let_go_of_as_well():
     felt_s = letting_go.play(plan, held_s=0.1).touched_s
     run = letting_go.play(plan, held_s=2.0, hold_s=felt_s - 0.01)
     assert run.reasons == []
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.3])
+def test_a_link_that_a_stick_pressed_on_a_table_lets_go_though_a_joint_is_held_up(play, speed):
+    over = {"at_s": 0.2, "cmd/posture": {"q": [0.0, 0.46, 0.0, 2.1, 0.0, -0.7792, 0.0]}}
+    down = {"twist": [0.0, 0.0, -speed, 0.0, 0.0, 0.0], "expressed_in": "base"}
+    run = play(over, {"at_s": 1.5, "cmd/joystick": down}, seconds=4.0)
+    assert run.states[-1].mode == "hold"
+    pressed = [arm.contact_sum for truth in run.truths for arm in truth.arms.values()]
+    assert max(pressed) > 400.0
+    assert max(pressed[-100:]) < 5.0
