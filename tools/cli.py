@@ -1,7 +1,8 @@
 """The command line: `telerobot COMMAND …`; every command is a module of its own.
 
-A command's module offers `add_arguments(parser)` and `run(args) -> int` and is imported only when
-it is asked for. Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
+A command's module offers `run(args) -> int` and is imported only when it runs. Its arguments stand
+in `arguments.py`, or as `add_arguments(parser)` in a module that takes no long to import.
+Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
 """
 
 import argparse
@@ -9,12 +10,14 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
+from types import ModuleType
 from typing import Final, NoReturn
 
 from ..config.errors import ConfigError, printable
-from ..drivers.device import DeviceError
+from . import arguments
 from .host.first_start import told
 
 
@@ -90,10 +93,10 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
-    asked = next((a for a in arguments if not a.startswith("-")), None)
+    typed = list(sys.argv[1:] if argv is None else argv)
+    asked = next((a for a in typed if not a.startswith("-")), None)
     command = next((c for c in COMMANDS if c.name == asked), None)
-    return _guarded(str(asked), lambda: _run(command, arguments))
+    return _guarded(str(asked), lambda: _run(command, typed))
 
 
 def run_alone(
@@ -118,7 +121,7 @@ def _guarded(name: str, run: Callable[[], int]) -> int:
             return run()
     except ConfigError as error:
         return _fail(2, str(error))
-    except (DeviceError, OSError) as error:
+    except OSError as error:
         if isinstance(error, BrokenPipeError):
             # The reader of our output has gone; keep the interpreter from complaining at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -128,10 +131,16 @@ def _guarded(name: str, run: Callable[[], int]) -> int:
         return _fail(1, f"{name}: cannot be loaded: {error}")
     except KeyboardInterrupt:
         return 130
+    except Exception as error:
+        from ..drivers.device import DeviceError  # late: it may load what `--help` does without
+
+        if not isinstance(error, DeviceError):
+            raise
+        return _fail(1, " ".join(str(error).split()))
 
 
-def _run(command: HelpRow | None, arguments: list[str]) -> int:
-    args = build_parser((command,) if command else ()).parse_args(arguments)
+def _run(command: HelpRow | None, typed: list[str]) -> int:
+    args = build_parser((command,) if command else ()).parse_args(typed)
     run: Callable[[argparse.Namespace], int] | None = getattr(args, "run", None)
     if run is None:
         build_parser(()).print_help(sys.stderr)
@@ -161,10 +170,19 @@ def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if c in loaded:
-            module = import_module(f"{__package__}.{c.module}")
-            module.add_arguments(sub)
-            sub.set_defaults(run=module.run)
+            own = getattr(arguments, c.name, None)
+            (own or _module(c).add_arguments)(sub)
+            sub.set_defaults(run=partial(_imported, c))
     return parser
+
+
+def _imported(command: HelpRow, args: argparse.Namespace) -> int:
+    code: int = _module(command).run(args)
+    return code
+
+
+def _module(command: HelpRow) -> ModuleType:
+    return import_module(f"{__package__}.{command.module}")
 
 
 def _fail(code: int, message: str) -> int:

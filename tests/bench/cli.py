@@ -8,6 +8,7 @@ from typing import Final
 
 from telerobot.config.load import load_cell
 from telerobot.drivers.device import DeviceError
+from telerobot.tools import arguments
 from telerobot.tools.bench import cli, tick
 from telerobot.tools.bench.figures import Figures
 from telerobot.tools.cli import run_alone
@@ -41,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    cli.add_arguments(parser, BENCHES)
+    arguments.bench(parser, BENCHES)
     parser.add_argument(
         "--growth", type=Path, metavar="FILE",
         help="measure instead how the tick grows with obstacles and joints, as JSON or as .svg",

@@ -122,16 +122,28 @@ def test_a_command_that_cannot_be_imported_leaves_the_others_whole(monkeypatch, 
     assert leave(["check", "--help"]) == 0
 
 
-def test_help_loads_none_of_the_heavy_libraries():
+def loaded_by(*argvs):
+    """Return the modules of a process that was asked for these lines of help."""
     code = (
         "import sys; from telerobot.tools.cli import main\n"
-        "try: main(['--help'])\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'pinocchio', 'mujoco', 'zenoh', 'can', 'pydantic'} & set(sys.modules)\n"
-        "sys.exit(f'loaded: {heavy}' if heavy else 0)"
+        f"for argv in {argvs}:\n"
+        "    try: main(argv)\n"
+        "    except SystemExit: pass\n"
+        "print(*sys.modules, file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.count("usage: telerobot") == len(argvs)
+    return set(done.stderr.split())
+
+
+def test_help_loads_none_of_the_heavy_libraries():
+    heavy = {"numpy", "numba", "pinocchio", "mujoco", "zenoh", "can", "pydantic", "tqdm"}
+    assert not heavy & loaded_by(["--help"])
+
+
+def test_the_help_of_no_command_loads_compiler_models_or_physics():
+    others = [[c.name, "--help"] for c in COMMANDS if c.name != "init"]
+    assert not {"numba", "pinocchio", "mujoco", "trimesh", "mcap"} & loaded_by(*others)
 
 
 def test_names_in_a_file_do_nothing_to_the_terminal(tmp_path, capsys):

@@ -3,7 +3,6 @@
 import argparse
 import json
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Final
 
 from ...config.load import Cell, load_cell
@@ -34,16 +33,6 @@ BENCHES: Final[Benches] = {
     ),
 }
 """Every benchmark by name, and the cells that it runs with."""
-
-
-def add_arguments(parser: argparse.ArgumentParser, benches: Benches = BENCHES) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
-    parser.add_argument("--quick", action="store_true", help="fewer samples, within a minute")
-    parser.add_argument(
-        "--only", nargs="+", choices=tuple(benches), metavar="NAME",
-        default=tuple(benches), help=f"of {', '.join(benches)}",
-    )  # fmt: skip
 
 
 def run(args: argparse.Namespace, benches: Benches = BENCHES) -> int:

@@ -19,37 +19,6 @@ STANDS_OUT: Final = 5e-4
 """A shape that its capsules do not hold by more than this is worth a word [m]."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
-    )
-    hardware = parser.add_mutually_exclusive_group()
-    hardware.add_argument(
-        "--bus", action="store_true",
-        help="ask everybody on the cell's buses who they are and what they hold, and compare; "
-        "moves and writes nothing",
-    )  # fmt: skip
-    hardware.add_argument(
-        "--profile", metavar="JOINT",
-        help="try the rules of CiA 301 and CiA 402 on that joint's drive, which stands and is off; "
-        "writes objects and puts them back",
-    )  # fmt: skip
-    parser.add_argument(
-        "--power", action="store_true",
-        help="with --profile: also the rules that need the drive switched on, brake open, held",
-    )  # fmt: skip
-    parser.add_argument(
-        "--picture", type=Path, metavar="FILE.png",
-        help="draw each link's shape and the capsules around it, with their volumes' ratio",
-    )  # fmt: skip
-    parser.add_argument(
-        "--package", metavar="NAME=DIR", action="append", default=[],
-        help="with --picture: folder of a package that the URDF names as package://NAME",
-    )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return 0, or 1 if one is an error.
 

@@ -8,11 +8,6 @@ from ...config.load import shipped
 from ..cli import COMMANDS, build_parser
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument("shell", metavar="SHELL", choices=shtab.SUPPORTED_SHELLS, help="bash, zsh…")
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the shell's script for all commands; return 0."""
     parser = build_parser(COMMANDS)

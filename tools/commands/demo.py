@@ -14,7 +14,7 @@ from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
 from ..client.connection import OperatorError
 from ..client.operator import Operator
-from ..host.address import duration, moved
+from ..host.address import moved
 from ..host.claim import Claims, own_endpoint
 from ..host.local_plant import ChildDied, LocalPlant
 from ..host.recording import recording
@@ -27,32 +27,7 @@ from .drive import drive
 READY_WITHIN_S = 90.0
 """A daemon that is not ready by then will not be [s]; the very first start compiles kernels."""
 
-HEADLESS_S = 20.0
-"""Length of a headless demo by default [s]."""
-
 JITTER = ("lateness_us_p50", "lateness_us_p99", "lateness_us_max")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", nargs="?", default="pa10", help="which cell (default: pa10)"
-    )
-    parser.add_argument(
-        "--headless", action="store_true", help="play a script over and over instead of keys"
-    )
-    parser.add_argument(
-        "--seconds", type=duration, default=HEADLESS_S, help="how long, headless (default: 20)"
-    )
-    parser.add_argument("--script", metavar="NAME", help="which script; the cell's by default")
-    parser.add_argument(
-        "--identity", metavar="FOLDER", help="certificates that the processes show each other"
-    )
-    parser.add_argument("--no-page", action="store_true", help="without the page in the browser")
-    parser.add_argument("--json", action="store_true", help="print the headless summary as JSON")
-    parser.add_argument(
-        "--record", metavar="FOLDER", type=Path, help="record the demo, and its black boxes, there"
-    )
 
 
 def run(args: argparse.Namespace) -> int:

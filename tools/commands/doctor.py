@@ -13,7 +13,6 @@ from ..checks.network import network
 from ..host import machine
 
 PERIOD_S: Final = 0.002
-DURATION_S: Final = 2.0
 LATE_S: Final = 0.001
 """Worth a warning: wake-ups later than this at p99 are noticed in a period of 10 ms [s]."""
 TOO_LATE_S: Final = 0.005
@@ -33,7 +32,7 @@ PACKAGES: Final = (
 )
 
 
-def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
+def examine(duration_s: float = 2.0) -> Iterator[Finding]:
     """Yield what was found; measures the timer for about `duration_s`."""
     cores = len(os.sched_getaffinity(0))
     yield Finding(
@@ -79,21 +78,6 @@ def examine(duration_s: float = DURATION_S) -> Iterator[Finding]:
     )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", nargs="?", help="look at this cell's certificates, too"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument(
-        "--seconds",
-        type=_duration,
-        default=DURATION_S,
-        metavar="S",
-        help="how long to measure the timer (default %(default)s)",
-    )
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return 0 if the machine is fit, else 1. Raises `ConfigError`."""
     findings = list(examine(args.seconds))
@@ -105,13 +89,6 @@ def run(args: argparse.Namespace) -> int:
         print(table(findings))
         print(f"{'not fit' if unfit else 'fit'} for a demo: {summary(findings)}")
     return 1 if unfit else 0
-
-
-def _duration(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 < seconds <= 600.0:
-        raise argparse.ArgumentTypeError(f"{text}: must be above 0 and at most 600 seconds")
-    return seconds
 
 
 def _granted(check: str, refusal: str, otherwise: str) -> Finding:

@@ -1,7 +1,6 @@
 """`telerobot drive CELL [SCRIPT]`: a remote operator in the terminal, or a script's operators."""
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -11,7 +10,7 @@ from ...config.errors import printable
 from ...protocols.messages.telemetry import Event
 from ..client.connection import OperatorError, ignore
 from ..client.operator import Operator
-from ..host.address import add_cell_arguments, cell_from
+from ..host.address import cell_from
 from ..operator.terminal.console import Console, is_terminal
 from ..operator.terminal.keyboard import Decoder
 from ..operator.terminal.teleop import KeyboardTeleop
@@ -24,19 +23,6 @@ REDRAW_S = 0.1
 
 FIRST_STATE_S = 0.5
 """The lease is asked for once telemetry comes, or after this long [s]."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser, bus=False)
-    parser.add_argument(
-        "script", metavar="SCRIPT", nargs="?", help="play this instead of reading the keyboard"
-    )
-    parser.add_argument(
-        "--name",
-        default=os.environ.get("USER") or "operator",
-        help="the operator's name, as others see it (default: %(default)s)",
-    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ from ...drivers.rig.rig import Rig
 from ...drivers.rig.session import RigSession, ScannerServer
 from ...protocols.canopen import can301
 from ...protocols.topics import Role
-from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.address import cell_from
 from ..simulation.frame_sensors import FrameSensors
 
 PRIORITY = 50
@@ -51,12 +51,6 @@ class Refusals:
         more = f" (and {self._left_out} more before)" if self._left_out else ""
         print(f"telerobot: {printable(why)}{more}", file=self._stream)
         self._next_s, self._left_out = now_s + 1.0, 0
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser)
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
 
 
 def run(args: argparse.Namespace) -> int:

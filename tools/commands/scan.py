@@ -23,19 +23,13 @@ from ...protocols.sick import Scan, TelegramError
 from ...protocols.topics import Role
 from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
-from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.address import cell_from
 from ..host.ending import until_told
 
 STATES = 64
 """Unread telemetry that is kept [1]: a search takes some tenths of a second."""
 TOLD_EVERY_S = 5.0
 """Refused telegrams are told at most so often [s]."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser)
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,22 +17,6 @@ _CPUS: Final = re.compile(r"\d{1,4}(-\d{1,4})?(,\d{1,4}(-\d{1,4})?)*")
 _HOMES: Final = ("/home/", "/root/", "/run/user/")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
-    )
-    parser.add_argument(
-        "--user", default="telerobot", help="who runs the daemon (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--cpus",
-        metavar="LIST",
-        help="processors for the daemon alone, such as 3 or 2-3 (default: those that the kernel "
-        "was started with as isolated, if any)",
-    )
-
-
 def run(args: argparse.Namespace) -> int:
     """Print the unit. Raises `ConfigError`."""
     if not _USER.fullmatch(args.user):

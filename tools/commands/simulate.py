@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -10,21 +9,6 @@ from ...config.errors import printable
 from ..host.progress import SHOWN_AFTER_S
 from ..scripts.expectations import Expected
 from ..simulation.simulation import Simulation, simulate
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
-    )
-    parser.add_argument(
-        "script",
-        metavar="SCRIPT",
-        nargs="?",
-        help="path of a script, or a shipped script's name; the cell's own by default",
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--record", metavar="FILE", type=Path, help="write the run as MCAP")
 
 
 def run(args: argparse.Namespace) -> int:

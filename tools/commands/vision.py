@@ -6,7 +6,6 @@ hardware tells. Either way the same code looks at the picture.
 """
 
 import argparse
-from pathlib import Path
 
 from ...config.load import Cell, ConfigError
 from ...config.schema.surroundings import CameraSection
@@ -18,7 +17,7 @@ from ...drivers.vision.process import Looker, PictureSource, PictureWork
 from ...protocols import topics as t
 from ...protocols.messages.rig import RigTruth
 from ...protocols.topics import Role
-from ..host.address import add_cell_arguments, cell_from, duration
+from ..host.address import cell_from
 from ..host.ending import until_told
 
 
@@ -55,16 +54,6 @@ class _World:
             return None
         base = truth.frames.get("base")
         return self._cameras.picture(camera, truth.q, truth.covered, truth.tags, base)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser)
-    parser.add_argument("--camera", metavar="NAME", help="only this camera; all by default")
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
-    parser.add_argument(
-        "--pictures", metavar="FOLDER", type=Path, help="save what is seen there, once a second"
-    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,6 @@ scanner's port and an endpoint of its own; everything else about the cell stays 
 """
 
 import argparse
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -18,57 +17,6 @@ from ...config.schema.network import SecuritySection, ZenohSection
 from ...config.schema.surroundings import ScannerSection
 
 SectionT = TypeVar("SectionT", bound=BaseModel)
-
-
-def duration(text: str) -> float:
-    """Return a duration from the command line [s]; it is positive and finite."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
-    return seconds
-
-
-def add_cell_arguments(parser: argparse.ArgumentParser, bus: bool = True, more: str = "") -> None:
-    """Describe CELL and the options that move it; without `bus`, only the endpoint.
-
-    `more` says what else may stand in the place of CELL.
-    """
-    parser.add_argument(
-        "cell", metavar="CELL", help=f"path of a cell file, or a shipped cell's name{more}"
-    )
-    parser.add_argument(
-        "--endpoint",
-        metavar="tcp/HOST:PORT",
-        help="where the daemon is reached, instead of the cell's zenoh.listen or zenoh.router",
-    )
-    parser.add_argument(
-        "--identity",
-        metavar="PATH",
-        help="folder of the certificates, or the one to show, without .crt; instead of the cell's "
-        "zenoh.security.directory",
-    )
-    if bus:
-        parser.add_argument(
-            "--channel",
-            action="append",
-            metavar="[BUS=]CHANNEL",
-            help="CAN channel or multicast group, instead of the cell's; with the bus' name where "
-            "there are several",
-        )
-        parser.add_argument(
-            "--port",
-            action="append",
-            metavar="[BUS=]PORT",
-            help="UDP port of a loopback bus, instead of the cell's",
-        )
-        parser.add_argument(
-            "--scanner",
-            metavar="tcp/HOST:PORT",
-            help="where the laser scanner listens, instead of the cell's scanner.address",
-        )
 
 
 def cell_from(args: argparse.Namespace) -> Cell:

@@ -4,17 +4,23 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final, TextIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TextIO
 
 from ...server.control import compilation
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 QUIET_S: Final = 2.0
 """Compiling that takes no longer is not told [s]."""
 
+WORDS: Final = "telerobot: compiling kernels for this machine, once"
+
 
 @contextmanager
 def told(to: TextIO | None = None) -> Iterator[None]:
-    """Tell of kernels that are compiled in here: on a terminal each, else that it began."""
+    """Tell of kernels that are compiled in here: on a terminal by a bar, else that it began."""
     news = _CompileNotice(sys.stderr if to is None else to)
     compilation.listeners.append(news)
     try:
@@ -24,6 +30,13 @@ def told(to: TextIO | None = None) -> Iterator[None]:
         news.close()
 
 
+def kernels() -> int:
+    """Return how many kernels the package has; no command needs more."""
+    root = Path(compilation.__file__).resolve().parents[2]
+    files = (file for room in ("server", "drivers") for file in (root / room).rglob("*.py"))
+    return sum(file.read_text(encoding="utf-8").count("\n@compiled(") for file in files)
+
+
 class _CompileNotice:
     """One line for all kernels; `to` is a terminal or a file."""
 
@@ -31,7 +44,8 @@ class _CompileNotice:
         self._to = to
         self._began_s: float | None = None
         self._count = 0
-        self._shown = False
+        self._said = False
+        self._bar: tqdm[None] | None = None
 
     def __call__(self, name: str) -> None:
         now = time.monotonic()
@@ -40,14 +54,21 @@ class _CompileNotice:
         self._count += 1
         if now - self._began_s < QUIET_S:
             return
-        words = "telerobot: compiling kernels for this machine, once; it takes minutes"
         if self._to.isatty():
-            print(f"\r{words}: {self._count} {name}\x1b[K", end="", file=self._to, flush=True)
-        elif not self._shown:
-            print(words, file=self._to, flush=True)
-        self._shown = True
+            if self._bar is None:
+                from tqdm import tqdm  # only for who waits
+
+                most = max(kernels(), self._count)
+                self._bar = tqdm(desc=WORDS, total=most, unit=" kernels", file=self._to)
+                self._bar.start_t -= now - self._began_s
+            self._bar.total = max(self._bar.total or 0, self._count)
+            self._bar.n = self._count
+            self._bar.set_postfix_str(name)
+        elif not self._said:
+            print(f"{WORDS}; it takes minutes", file=self._to, flush=True)
+            self._said = True
 
     def close(self) -> None:
         """End the line."""
-        if self._shown and self._to.isatty():
-            print(file=self._to, flush=True)
+        if self._bar is not None:
+            self._bar.close()

@@ -8,43 +8,13 @@ from ...config.errors import printable
 from ...config.load import Cell
 from ..client.connection import OperatorError
 from ..client.operator import Operator
-from ..host.address import add_cell_arguments, cell_from
+from ..host.address import cell_from
 from .attitudes import AttitudeStop, attitudes
 from .estimate import NotIdentified
 from .guide import AttitudeMean
 from .report import as_dict, snippet, table
 from .run import identify, identify_simulated, judge
 from .subject import Subject, subject_of
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser, bus=False)
-    parser.add_argument(
-        "--mechanism", metavar="NAME", help="whose sensor, where the cell has several"
-    )
-    parser.add_argument(
-        "--posture", default="ready", help="the wrist turns about this one (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--attitudes",
-        type=_count,
-        default=24,
-        metavar="N",
-        help="so many are measured, 6 to 200 (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--room",
-        type=float,
-        default=0.15,
-        metavar="METRES",
-        help="the tool stays within this distance of where the posture has it; nothing else keeps "
-        "it from touching things (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--simulate", action="store_true", help="the cell's virtual hardware, in virtual time"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -75,13 +45,6 @@ def _driven(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[Att
         operator.acquire()
         operator.enable()
         return identify(operator, stops, _say, subject)
-
-
-def _count(text: str) -> int:
-    count = int(text)
-    if not 6 <= count <= 200:
-        raise argparse.ArgumentTypeError(f"{count} is not within 6 to 200")
-    return count
 
 
 def _say(line: str) -> None:

@@ -36,17 +36,6 @@ class Soaked:
 _ROWS = TypeAdapter(Soaked)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "cell", metavar="CELL", help="path of a cell file, or a shipped cell's name"
-    )
-    parser.add_argument(
-        "--seeds", type=jobs.seeds, default=range(20), metavar="A:B", help="B excluded (0:20)"
-    )
-    jobs.add_arguments(parser, 1, None)
-
-
 def run(args: argparse.Namespace) -> int:
     """Play every seed; return 0 if all promises were kept, 130 if interrupted."""
     cell = load_cell(args.cell)

@@ -3,14 +3,15 @@ import argparse
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
+from telerobot.tools.arguments import cell_and_address
 from telerobot.tools.cli import main
-from telerobot.tools.host.address import add_cell_arguments, cell_from, moved, options
+from telerobot.tools.host.address import cell_from, moved, options
 from telerobot.tools.host.local_plant import private
 
 
 def parse(*argv, bus=True):
     parser = argparse.ArgumentParser()
-    add_cell_arguments(parser, bus)
+    cell_and_address(parser, bus)
     return cell_from(parser.parse_args(argv))
 
 

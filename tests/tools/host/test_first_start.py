@@ -1,6 +1,10 @@
 import io
+import sys
 
 import pytest
+from numba.core.dispatcher import Dispatcher
+from telerobot.drivers.rig import rig
+from telerobot.server import daemon
 from telerobot.server.control.compiled import VECTOR, compiled
 from telerobot.tools.host import first_start
 
@@ -27,13 +31,25 @@ def test_a_start_that_compiles_for_long_says_so_once(monkeypatch):
     assert to.getvalue().endswith("\n")
 
 
-def test_on_a_terminal_every_kernel_is_counted_in_one_line(monkeypatch):
+def test_on_a_terminal_a_bar_counts_every_kernel_of_those_there_are(monkeypatch):
     monkeypatch.setattr(first_start, "QUIET_S", 0.0)
     to = Terminal()
     with first_start.told(to):
         compile_two()
-    assert ": 2 scaled" in to.getvalue()
+    assert f" 2/{first_start.kernels()} " in to.getvalue()
     assert to.getvalue().count("\n") == 1
+
+
+def test_as_many_kernels_are_expected_as_the_package_compiles():
+    assert {rig.__name__, daemon.__name__} <= sys.modules.keys()
+    made = {
+        id(thing)
+        for name, module in sys.modules.items()
+        if name.startswith(("telerobot.server", "telerobot.drivers"))
+        for thing in vars(module).values()
+        if isinstance(thing, Dispatcher)
+    }
+    assert 0.9 * first_start.kernels() < len(made) <= first_start.kernels()
 
 
 @pytest.mark.parametrize("to", [io.StringIO(), Terminal()])

@@ -20,7 +20,7 @@ from ....config.load import Cell
 from ....drivers.network.identity import Identity, identity_of
 from ....protocols.topics import Role
 from ...client.connection import Connection
-from ...host.address import add_cell_arguments, cell_from
+from ...host.address import cell_from
 from .access import Access, Listen, tls_context
 from .pages.hub import PageHub
 from .server import SceneServer, Server
@@ -32,22 +32,6 @@ again: whoever had come in stays in."""
 
 KEEP_S: Final = 30.0
 """A connection on which nothing is asked for is kept so long [s]."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser, bus=False, more=", or a recorded run: NAME.mcap")
-    parser.add_argument(
-        "--listen",
-        metavar="HOST:PORT",
-        default="127.0.0.1:8080",
-        help="where browsers reach the console (default: %(default)s); port 0 takes a free one",
-    )
-    parser.add_argument("--open", action="store_true", help="open the page in a browser")
-    parser.add_argument(
-        "--certificate", type=Path, metavar="FILE", help="certificate of HTTPS, in PEM"
-    )
-    parser.add_argument("--key", type=Path, metavar="FILE", help="private key of --certificate")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,13 +5,12 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Final
 
 from ....drivers.network.identity import identity_of
 from ....drivers.network.sensor_session import dial
 from ....protocols.topics import Role
-from ...host.address import add_cell_arguments, cell_from, duration
+from ...host.address import cell_from
 from ...host.ending import until_told
 from .files import Files
 from .listener import CellRecorder
@@ -20,31 +19,6 @@ from .viewer import require_schemas
 POLL_S: Final = 0.01
 RETRY_S: Final = 0.5
 """While nobody answers, the daemon is dialled again after [s]."""
-
-SPLIT_MB: Final = 500.0
-"""Size of a file by default [MB]."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    add_cell_arguments(parser)
-    parser.add_argument(
-        "--out", metavar="FOLDER", type=Path, default=Path(), help="where to (default: here)"
-    )
-    parser.add_argument(
-        "--split",
-        metavar="MB",
-        type=_size,
-        default=SPLIT_MB,
-        help="begin a new file at this size (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--pictures",
-        metavar="FOLDER",
-        type=Path,
-        help="record what `vision --pictures` saves there",
-    )
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -81,13 +55,3 @@ def record(listener: CellRecorder, files: Files, over: Callable[[], bool]) -> in
         return 1
     print(f"{listener.heard} messages and frames, the last to {files.now.path}")
     return 0
-
-
-def _size(text: str) -> float:
-    try:
-        size = float(text)
-    except ValueError:
-        size = 0.0
-    if not 1.0 <= size <= 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be from 1 to 1000000 MB")
-    return size

@@ -13,8 +13,6 @@ from .timeline import Timeline
 RECORDING: Final = ".mcap"
 """End of the name of a recorded run."""
 
-add_arguments = live.add_arguments
-
 
 def run(args: argparse.Namespace) -> int:
     """Serve a page until told to end. Raises `ConfigError`, `RecordError`, `OSError`."""

@@ -13,23 +13,6 @@ from .explain import explain
 from .replay import Replay
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
-    parser.add_argument(
-        "file", metavar="RUN.mcap", type=Path, help="a recorded run, or a black box"
-    )
-    parser.add_argument(
-        "--until",
-        metavar="T",
-        type=float,
-        help="replay up to here only: seconds from the recording's first tick; below 0, from its "
-        "last one",
-    )
-    parser.add_argument(
-        "--explain", action="store_true", help="print what every stage did in the last tick"
-    )
-
-
 def run(args: argparse.Namespace) -> int:
     """Replay; return 0 where every output is the recorded one, else 1.
 
