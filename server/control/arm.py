@@ -5,7 +5,7 @@ from typing import Final, Self
 
 from ...config.load import Cell
 from .actuation.actuation import Now
-from .asking import ArmReading, Asking, Stages, Wanted, path_of_mrf
+from .asking import ArmController, ArmMeasurement, DesiredRates, Stages, path_of_mrf
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, Clear
 from .barriers.clearance import BarrierInputs
@@ -45,7 +45,7 @@ class Arm:
         self.mechanism = mechanism
         self.stages = Stages(p, mechanism, build)
         self.body = self.stages.body
-        self.asking = Asking(p, mechanism, self.stages)
+        self.asking = ArmController(p, mechanism, self.stages)
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
@@ -79,7 +79,12 @@ class Arm:
         return {name: angle for name, angle in each if not math.isnan(angle)}
 
     def before_barriers(
-        self, memory: Memory, inputs: Inputs, seen: ArmReading, asked: Wanted, beside: bool
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        seen: ArmMeasurement,
+        asked: DesiredRates,
+        beside: bool,
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
         return BarrierInputs(
@@ -106,8 +111,8 @@ class Arm:
         self,
         memory: Memory,
         inputs: Inputs,
-        seen: ArmReading,
-        asked: Wanted,
+        seen: ArmMeasurement,
+        asked: DesiredRates,
         allowed: Allowed,
         clear: Clear,
         limited: Limited,
@@ -145,7 +150,7 @@ class Arm:
             resistance=allowed.resistance,
             motion=limited.motion,
             stop=limited.stop,
-            quickness=max(accelerated, LATELY * memory.quickness),
+            max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
             sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
             task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
         )
@@ -187,7 +192,7 @@ class Arm:
         self,
         memory: TaskMemory,
         stopped: bool,
-        asked: Wanted,
+        asked: DesiredRates,
         scale: float,
         pace: float,
         k: Kinematics,

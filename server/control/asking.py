@@ -10,7 +10,7 @@ import numpy as np
 
 from .actuation.actuation import Actuation, BySpeed, ByTorque, HoldingTorque, OnWheels, by_position
 from .actuation.torque import TorqueLaw
-from .barriers.rows import JointRoom
+from .barriers.rows import JointLimits
 from .bodies.body import (
     Builder,
     Environment,
@@ -57,7 +57,7 @@ class Stages:
         self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
         self.body = build(p, mechanism, self.redundancy, field)
-        room = JointRoom.of(joints, T)
+        room = JointLimits.of(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None
         if p.retreat_leash is not None:
@@ -277,7 +277,7 @@ TOUCHING = 3e-3
 """Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
 
 
-class Wanted(NamedTuple):
+class DesiredRates(NamedTuple):
     """Joint rates asked for, the twists behind them, and what they were computed from."""
 
     dq: Array
@@ -293,7 +293,7 @@ class Wanted(NamedTuple):
     """How the arm meets what comes."""
 
 
-class ArmReading(NamedTuple):
+class ArmMeasurement(NamedTuple):
     """Where the arm is, and what it exerts."""
 
     kinematics: Kinematics
@@ -309,7 +309,7 @@ class ArmReading(NamedTuple):
     """The same of the mean readings."""
 
 
-class Asking:
+class ArmController:
     """Sums the sources of one task and resolves the sum for its mechanism."""
 
     def __init__(self, p: Parameters, mechanism: Mechanism, stages: Stages) -> None:
@@ -338,7 +338,7 @@ class Asking:
             q = np.where(inputs.energised, memory.motion.q, q)
         return evolve(self.seed(q), torque=memory.torque, held=memory.held)
 
-    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, ArmReading, Wanted]:
+    def ask(self, memory: Memory, inputs: Inputs) -> tuple[Memory, ArmMeasurement, DesiredRates]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -397,7 +397,7 @@ class Asking:
             retreat=retreat,
             insertion=asked.found.insertion,
         )
-        return memory, ArmReading(k, placed, T_world_wrist_measured, error, wrench, hand), asked
+        return memory, ArmMeasurement(k, placed, T_world_wrist_measured, error, wrench, hand), asked
 
     def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
@@ -409,7 +409,7 @@ class Asking:
             T_world_wrist,
             inputs.time_s,
             inputs.moved,
-            memory.quickness,
+            memory.max_tool_acceleration,
             at_once=inputs.intent is Intent.SEED,
         )
 
@@ -453,7 +453,7 @@ class Asking:
         insertion: Insertion | None = None,
         whole: Whole = IDLE,
         following: tuple[Array, Array] | None = None,
-    ) -> Wanted:
+    ) -> DesiredRates:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
         At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
@@ -481,7 +481,7 @@ class Asking:
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
         if joint_rates is not None:
             found = JointRates(s_tool * joint_rates, self.stages.redundancy.none())
-            return Wanted(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
+            return DesiredRates(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
         if inputs.settings.contact_share < 1.0:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
@@ -502,7 +502,7 @@ class Asking:
         )
         found = self.stages.body.rates(q, k, request, around)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
-        return Wanted(dq, twists, twist, s_tool, limits + found.limits, found)
+        return DesiredRates(dq, twists, twist, s_tool, limits + found.limits, found)
 
     def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
         """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
@@ -557,8 +557,8 @@ class Asking:
         return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
 
     def _coming_back(
-        self, stance: Stance, inputs: Inputs, q: Array, k: Kinematics, asked: Wanted
-    ) -> Wanted:
+        self, stance: Stance, inputs: Inputs, q: Array, k: Kinematics, asked: DesiredRates
+    ) -> DesiredRates:
         """Add the way back of an arm that is off its station, where no goal leads it there.
 
         Contact holds it: what is there now may not be known.
@@ -578,8 +578,8 @@ class Asking:
         return asked._replace(dq=dq, limits=limits)
 
     def _giving_way(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: Wanted, error: Array
-    ) -> tuple[RetreatState | None, Wanted]:
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: DesiredRates, error: Array
+    ) -> tuple[RetreatState | None, DesiredRates]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.stages.retreat is None or memory.retreat is None:
             return memory.retreat, asked

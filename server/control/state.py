@@ -13,10 +13,10 @@ from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.rows import Resistance
 from .bodies.body import STILL, DriveRequest, Insertion
-from .grasps.held import Held, Holding
+from .grasps.held import GraspState, GraspStatus
 from .hold import Pushed, RetreatState, Station
 from .mechanism.field import FieldReading
-from .mechanism.joint_rates import NOTHING, Beside
+from .mechanism.joint_rates import NOTHING, JointFeedforward
 from .mechanism.redundancy import Near, ObjectiveGains, SelfMotion
 from .mechanism.wrench import Payload, WristMemory
 from .scene import Moved, Scene
@@ -112,7 +112,7 @@ class Inputs:
     """Unseen contact by the drives' torques; None where it is not known."""
     drive: DriveRequest = STILL
     """How the operator drives an arm with a backbone as a whole."""
-    beside: Beside = NOTHING
+    beside: JointFeedforward = NOTHING
     """Joint rates that are asked for beside the task's twists."""
 
 
@@ -132,7 +132,7 @@ class Memory:
     """Memory of the sources."""
     wrist: WristMemory = field(default_factory=WristMemory)
     """Readings of the force/torque sensor."""
-    quickness: float = 0.0
+    max_tool_acceleration: float = 0.0
     """Greatest acceleration that the tool was lately told [m/s²]."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
@@ -149,7 +149,7 @@ class Memory:
     """Where the arm was told to stand, while it is away to make way; None for one that is not."""
     resistance: Resistance | None = None
     """The resistance that holds the arm up; None before the first tick."""
-    held: Held | None = None
+    held: GraspState | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
     insertion: Insertion | None = None
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
@@ -206,7 +206,7 @@ class Output(NamedTuple):
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
-    held: Holding | None = None
+    held: GraspStatus | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
     shared: "Output | None" = None
     """The same of a joint task, at its shared MRF; told by its first arm only."""

@@ -20,14 +20,14 @@ import numpy as np
 
 from ...config.load import Cell
 from .arm import Arm
-from .asking import ArmReading, Wanted
-from .barriers.barriers import Allow, Allowed, Clear
-from .barriers.clearance import Guard, Surroundings, Watch
-from .joint_task.joint_task import JointTasks, On, finish, members_of
+from .asking import ArmMeasurement, DesiredRates
+from .barriers.barriers import Allowed, Clear, ConstraintSet
+from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
+from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined
 from .spatial import Array, Motion
 from .state import Inputs, Intent, Memory, Output
-from .stop.limiter import Gate, Judge, Limited, Limiter
+from .stop.limiter import Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
 
 
@@ -35,7 +35,10 @@ class Control:
     """The control computation of one cell. Holds constants and scratch memory only."""
 
     def __init__(
-        self, arms: Sequence[Arm], guard: Guard | None = None, cell: Cell | None = None
+        self,
+        arms: Sequence[Arm],
+        guard: CollisionConstraint | None = None,
+        cell: Cell | None = None,
     ) -> None:
         """Build it; `guard` keeps clearances, None in a cell that has none to keep.
 
@@ -47,7 +50,7 @@ class Control:
         every = [arm.p.joints for arm in self.arms]
         joints = Joints.of_all(every)
         T = p.period_s
-        self.allow = Allow(every, T, p.resolve.characteristic_length, guard)
+        self.allow = ConstraintSet(every, T, p.resolve.characteristic_length, guard)
         self.limiter = self._limiter_of(())
         self.joint: JointTasks | None = None
         """Payloads that several arms may hold together; None in a cell without joint tasks."""
@@ -75,7 +78,7 @@ class Control:
         if cell.config.keeps_clear:
             joints = Joints.of_all([arm.p.joints for arm in arms])
             capsules = arms[0].p.capsules if len(arms) == 1 else None
-            guard = Guard(cell, joints.acceleration, joints.jerk, capsules)
+            guard = CollisionConstraint(cell, joints.acceleration, joints.jerk, capsules)
         return cls(arms, guard, cell)
 
     def seed(self, q: Array, on: Collection[str] | None = None) -> tuple[Memory, ...]:
@@ -146,8 +149,8 @@ class Control:
         inputs: Inputs,
         allowed: Sequence[Allowed],
         clear: Clear,
-        on: Sequence[On],
-        bodies: Sequence[Judge],
+        on: Sequence[ActiveTask],
+        bodies: Sequence[StopConstraint],
     ) -> Limited:
         """Bound acceleration and jerk, and keep a verified stop at hand.
 
@@ -159,18 +162,18 @@ class Control:
             return limiter.go_on(stop)
         if inputs.intent is Intent.SEED:
             return Limited(motion, stop, False)
-        judges: list[Judge] = []
+        judges: list[StopConstraint] = []
         if self.allow.guard is not None and clear.watch is not None:
             judges.append(partial(_shortfall, self.allow.guard, clear.watch))
         judges += bodies
-        judges += [each.shortfall for each in on]
+        judges += [each.violation for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
         dq = joined([granted.dq for granted in allowed])
         return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
 
     def _of_bodies(
-        self, memories: Sequence[Memory], asked: Sequence[tuple[ArmReading, Wanted]]
-    ) -> list[Judge]:
+        self, memories: Sequence[Memory], asked: Sequence[tuple[ArmMeasurement, DesiredRates]]
+    ) -> list[StopConstraint]:
         """Return what judges stops of all joints by what their bodies keep."""
         found = []
         for arm, part, memory, (seen, _) in zip(
@@ -227,16 +230,16 @@ class Control:
         return a, b, c
 
 
-def _of_part(judge: Judge, part: slice, stop: Stop) -> float:
+def _of_part(judge: StopConstraint, part: slice, stop: Stop) -> float:
     """Return by how much the part of a stop that is one arm's breaks what that arm keeps [m]."""
     return judge(stop.of(part))
 
 
-def _worst(judges: Sequence[Judge], stop: Stop) -> float:
+def _worst(judges: Sequence[StopConstraint], stop: Stop) -> float:
     """Return by how much a stop breaks what any of the judges keeps [m]."""
     return max(judge(stop) for judge in judges)
 
 
-def _shortfall(guard: Guard, watch: Watch, stop: Stop) -> float:
+def _shortfall(guard: CollisionConstraint, watch: ProximityQuery, stop: Stop) -> float:
     """Return by how much a stop breaks what the guard keeps [m]; 0 for not at all."""
-    return guard.shortfall(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
+    return guard.violation(watch, stop.to_go_s, stop.low, stop.high, stop.postures)

@@ -17,7 +17,7 @@ from .spatial import Array, Pose, pose_error, rotation_exp, sizes
 # arm is at a bound.
 
 
-class Led(NamedTuple):
+class DrivenWheels(NamedTuple):
     """The m unknowns of n joints: each joint is one, and each pair of driven wheels is one."""
 
     whole: Array
@@ -81,7 +81,7 @@ class Rolled(Pose):
         return cls(T.R, T.p, wheels)
 
 
-class Rolling(NamedTuple):
+class DifferentialDrive(NamedTuple):
     """The two driven wheels of a base, left and right."""
 
     radius: float
@@ -90,7 +90,7 @@ class Rolling(NamedTuple):
     """Between their points of contact [m]."""
 
     @classmethod
-    def from_cell(cls, cell: Cell) -> "Rolling | None":
+    def from_cell(cls, cell: Cell) -> "DifferentialDrive | None":
         """Return those of a cell's mechanism; None for one that stands."""
         base = cell.config.mechanism.base
         return None if base is None else cls(base.wheels.radius, base.wheels.track)
@@ -186,7 +186,9 @@ class Odometry(NamedTuple):
         rolled = Rolled.at(T_world_base, wheels)
         return Odometry(rolled, rolled, np.zeros(6))
 
-    def rolled(self, rolling: Rolling, commanded: Array | None, measured: Array) -> "Odometry":
+    def rolled(
+        self, rolling: DifferentialDrive, commanded: Array | None, measured: Array
+    ) -> "Odometry":
         """Return it with the wheels at these angles (2,) [rad], commanded and measured.
 
         None of a base that is not commanded: it is where it is measured.

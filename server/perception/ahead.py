@@ -13,7 +13,7 @@ from ...protocols.messages.perception import NOTHING, ContourNews
 from ..control.scene import Body
 from ..control.spatial import Array, Pose, rotation_exp, sizes
 from ..control.state import Memory
-from ..control.wheels import Odometry, Rolling
+from ..control.wheels import DifferentialDrive, Odometry
 from ..events import Events
 from ..refusals import Refused, Why
 
@@ -304,7 +304,7 @@ class BaseTracker:
     def __init__(
         self,
         section: DifferentialBaseSection,
-        rolling: Rolling,
+        rolling: DifferentialDrive,
         T_world_base: Pose,
         period_s: float,
         events: Events,
@@ -327,7 +327,7 @@ class BaseTracker:
     @classmethod
     def from_cell(cls, cell: Cell, events: Events) -> Self | None:
         """Return the tracker of a loaded cell; None where nothing rolls."""
-        c, rolling = cell.config, Rolling.from_cell(cell)
+        c, rolling = cell.config, DifferentialDrive.from_cell(cell)
         if c.mechanism.base is None or rolling is None:
             return None
         place = c.mechanism.T_world_base

@@ -12,7 +12,7 @@ from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.bodies.body import STILL
 from ..control.compiled import evolve
-from ..control.mechanism.joint_rates import NOTHING, Beside, Fold
+from ..control.mechanism.joint_rates import NOTHING, Fold, JointFeedforward
 from ..control.scene import Moved
 from ..control.spatial import Array, Pose
 from ..control.state import Inputs, Intent, Memory, Output
@@ -190,14 +190,14 @@ class LookingAhead:
                 # Nothing else leads the spare joints meanwhile.
                 fold, asked = Fold(posture, self._speed), evolve(asked, at_posture=True)
         if self._sweep is None:
-            return evolve(asked, beside=Beside(fold))
+            return evolve(asked, beside=JointFeedforward(fold))
         joint, factor = self._sweep.joint, asked.settings.speed_factor
         sweep = (joint, self._sweep.rate(float(q[joint]), factor))
         if asked.posture is not None:
             posture = asked.posture.copy()
             posture[joint] = q[joint]
             asked = evolve(asked, posture=posture)
-        return evolve(asked, beside=Beside(fold, sweep))
+        return evolve(asked, beside=JointFeedforward(fold, sweep))
 
 
 # --- One arm of the cell and its task: what is commanded, perceived and computed for it -----------

@@ -21,7 +21,7 @@ from ...protocols.messages.perception import FrameRequest, StoreView
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.compiled import evolve
-from ..control.grasps.held import Holding
+from ..control.grasps.held import GraspStatus
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
 from ..control.spatial import GRAVITY, Array, Pose
@@ -268,7 +268,7 @@ class JointUnit:
                 )
                 self._told[i] = held.redefined
 
-    def _tell_load(self, held: Holding) -> None:
+    def _tell_load(self, held: GraspStatus) -> None:
         """Tell that the payload weighs otherwise than it was told, or than was told of it last."""
         load, g = held.load, -float(GRAVITY[2])
         if not load.any():  # drives were off: it is weighed anew

@@ -8,7 +8,7 @@ from laboratory.campaign.part import Selection
 from laboratory.campaign.parts import PARTS
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
-from telerobot.server.control.barriers.clearance import Guard
+from telerobot.server.control.barriers.clearance import CollisionConstraint
 
 PLAYED = [
     *((codec, seed) for seed in range(2)),
@@ -70,7 +70,7 @@ def test_a_tick_that_raises_is_found(monkeypatch):
     def careless(*_arguments):
         raise ZeroDivisionError("a gap of zero")
 
-    monkeypatch.setattr(Guard, "watch", careless)
+    monkeypatch.setattr(CollisionConstraint, "watch", careless)
     scene = next(seed for seed in range(20) if network.cell_of(seed) == "pa10_scene")
     reasons = network.play(scene).reasons
     assert any(reason.startswith("tick_raised at ") for reason in reasons), reasons

@@ -137,7 +137,7 @@ def _within(x: Array, most: Array) -> Array:
     VECTOR, VECTOR, VECTOR, VECTOR,
     NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, FLAG,
 )  # fmt: skip
-def foreseen(
+def predict(
     M: Array, C: Array, g: Array, J: Array, wrench: Array, left_out: Array,
     q: Array, rate: Array, rate_foreseen: Array, acting: Array, acted: Array,
     expected: Array, residual: Array,

@@ -17,7 +17,7 @@ from .believed import (
     may_be_weight,
     without_what_is_there,
 )
-from .momentum import MomentumState, begin, foreseen
+from .momentum import MomentumState, begin, predict
 
 # --- Computed torque in the tool's space, with the null space of equal inertia --------------------
 #
@@ -356,7 +356,7 @@ class TorqueLaw:
         felt = None if wrench_on_arm is None else wrench_to(T_wrist_mrf, wrench_on_arm)
         known = self._believed(state, q, rate, felt, offset, terms.J_wrist, settled)
         felt = _NONE if felt is None else felt - known.left_out
-        then = foreseen(
+        then = predict(
             terms.M, terms.C, terms.g, terms.J_wrist, felt, known.left_out,
             q, rate, state.dq_next, *state.sent, *state.momentum,
             before.q, after.dq, self._friction, self._authority,

@@ -25,7 +25,7 @@ from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..scene import Flags
 from ..spatial import Array
-from ..stop.limiter import Judge
+from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
 from .curve import Curve, curve_of
 from .fit import Chain, farthest_apart
@@ -473,11 +473,13 @@ class BackboneArm(SerialArm):
 
     # --- the promise along a stop --------------------------------------------------------------
 
-    def stop_constraint(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
+    def stop_constraint(
+        self, insertion: Insertion | None, q: Array, error: Array
+    ) -> StopConstraint | None:
         """Return what judges stops of an arm that is on its curve."""
-        return None if insertion is None else partial(self.shortfall, insertion, q, error)
+        return None if insertion is None else partial(self.violation, insertion, q, error)
 
-    def shortfall(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
+    def violation(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
         """Return by how much a stop brings links too near to the walls [m]; 0 for not.
 
         From joints q (n,) that are `error` (n,) ahead of the measured ones [rad].

@@ -7,9 +7,17 @@ import numpy as np
 
 from ..joints import Joints, joined, parts_of
 from ..spatial import Array
-from .clearance import BarrierInputs, Guard, Levels, Shown, Situation, Surroundings, Watch
+from .clearance import (
+    BarrierInputs,
+    CollisionConstraint,
+    Levels,
+    ProximityQuery,
+    Shown,
+    Situation,
+    Surroundings,
+)
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
-from .rows import JointRoom, Resistance, Room, Rows
+from .rows import JointLimits, Resistance, Room, Rows
 from .together import PayloadLink, in_step, least_of, pulled_apart
 
 
@@ -46,7 +54,7 @@ class Allowed(NamedTuple):
 class Clear(NamedTuple):
     """Collision barriers of one tick; empty where clearances are not kept."""
 
-    watch: Watch | None = None
+    watch: ProximityQuery | None = None
     """The surroundings of the mechanisms."""
     shown: Shown | None = None
     """The pairs that are near."""
@@ -57,7 +65,7 @@ class Clear(NamedTuple):
         return {} if self.watch is None else self.watch.levels
 
 
-class Allow:
+class ConstraintSet:
     """The barriers of one cell, composed."""
 
     def __init__(
@@ -65,7 +73,7 @@ class Allow:
         joints: Sequence[Joints],
         period_s: float,
         length: float,
-        guard: Guard | None = None,
+        guard: CollisionConstraint | None = None,
     ) -> None:
         """Build it for the joints of each mechanism; rotations weigh `length` [m/rad].
 
@@ -76,7 +84,7 @@ class Allow:
         self._velocity = joined(self._velocities)
         self._length = length
         self.guard = guard
-        self.rooms = tuple(JointRoom.of(arm, period_s) for arm in joints)
+        self.rooms = tuple(JointLimits.of(arm, period_s) for arm in joints)
         self.parts = parts_of([arm.n for arm in joints])
         """Where each mechanism's joints are among all."""
         self._counts = [arm.n for arm in joints]

@@ -270,7 +270,7 @@ class Clearance:
         levels = self._floors(near, floor, which, scene, levels)
         return NearGaps(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
 
-    def shortfall(
+    def violation(
         self, sight: NearGaps, duration_s: float, way: Array, postures: Postures
     ) -> float:
         """Return by how much the worst gap falls short along a stop [m]; 0 where all are kept.
@@ -324,7 +324,7 @@ class Clearance:
             count, pairs, closer, sight.needed, near.promise, near.radii, sight.floor, nearer
         )
         ends = self.capsules.place(postures(times), None if base is None else base.T).ends
-        return self.search.shortfall(ends, near, pairs, bounds, scene)
+        return self.search.violation(ends, near, pairs, bounds, scene)
 
     def _nearer(
         self, near: NearPairs, scene: Scene | None, base: Base, ahead_s: Sequence[float] | Array
@@ -478,7 +478,7 @@ class Situation(NamedTuple):
         )
 
 
-class Watch(NamedTuple):
+class ProximityQuery(NamedTuple):
     """Near pairs and barriers of one tick."""
 
     at: Situation
@@ -496,7 +496,7 @@ class Watch(NamedTuple):
         return self.sight.levels
 
 
-class Guard:
+class CollisionConstraint:
     """Keeps one cell's clearances and workspace."""
 
     def __init__(
@@ -514,7 +514,7 @@ class Guard:
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
-    def watch(self, at: Situation, asked: Array) -> Watch:
+    def watch(self, at: Situation, asked: Array) -> ProximityQuery:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
         clearance, around, arms = self.clearance, at.around, at.arms
         fastest, speeds, rates = np.empty(len(asked)), [], []
@@ -540,9 +540,9 @@ class Guard:
             walled = walls.around(_whole(k.J, part, len(at.q)), k.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
-        return Watch(at, sight, Rows.of_all(rows), tuple(speeds), coming)
+        return ProximityQuery(at, sight, Rows.of_all(rows), tuple(speeds), coming)
 
-    def makes_way(self, watch: Watch) -> list[bool]:
+    def makes_way(self, watch: ProximityQuery) -> list[bool]:
         """Return which arms are to go out of the way of something that comes."""
         near, found = watch.sight.near, [False] * len(watch.at.arms)
         if np.count_nonzero(watch.coming):
@@ -550,7 +550,7 @@ class Guard:
                 found[self._arm[near.first[i]]] = True
         return found
 
-    def tool_shares(self, watch: Watch) -> list[float]:
+    def tool_shares(self, watch: ProximityQuery) -> list[float]:
         """Return what share (0 to 1) of each tool's motion is slow enough beside things."""
         if self._near_speed is None:
             return [1.0] * len(watch.speeds)
@@ -566,7 +566,7 @@ class Guard:
             shares.append(min(1.0, factor * bound / max(speed, 1e-12)))
         return shares
 
-    def slowed_to_limit(self, watch: Watch, dq: Array) -> Array:
+    def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
         share, factor = 1.0, watch.at.around.speed_factor
         for arm, part, asked in zip(watch.at.arms, self._parts, watch.speeds, strict=True):
@@ -575,7 +575,7 @@ class Guard:
             share = min(share, most / max(speed, 1e-12))
         return dq if share >= 1.0 else share * dq
 
-    def named(self, watch: Watch, broken: Flags) -> tuple[str, ...]:
+    def named(self, watch: ProximityQuery, broken: Flags) -> tuple[str, ...]:
         """Return the names of barriers that are flagged, the nearest first."""
         gaps = self.shown(watch, broken).gaps(NAMED, only_active=True)
         names = tuple(f"clearance:{gap.link}:{gap.other}" for gap in gaps)
@@ -583,24 +583,24 @@ class Guard:
             names += ("workspace",)
         return names
 
-    def shown(self, watch: Watch, active: Flags) -> Shown:
+    def shown(self, watch: ProximityQuery, active: Flags) -> Shown:
         """Return the pairs for telemetry; `active` flags the barriers that act."""
         return Shown(watch.sight, self.capsules.links, active[: watch.sight.near.size])
 
-    def shortfall(
-        self, watch: Watch, duration_s: float, low: Array, high: Array, postures: Postures
+    def violation(
+        self, watch: ProximityQuery, duration_s: float, low: Array, high: Array, postures: Postures
     ) -> float:
         """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
         at = watch.at
         way = np.maximum(high - at.q, at.q - low)
-        short = self.clearance.shortfall(watch.sight, duration_s, way, postures)
+        short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(at.arms, self.walls, strict=True):
             p, base = arm.kinematics.T_world_mrf.p, at.around.base
             if not walls.given or walls.far(p, arm.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
             T_base = None if base is None else base.T
-            out = walls.shortfall(p, arm.T_wrist_mrf, postures(times), T_base)
+            out = walls.violation(p, arm.T_wrist_mrf, postures(times), T_base)
             short = max(short, out)
         return short
 

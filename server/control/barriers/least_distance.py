@@ -27,7 +27,7 @@ _POSITIVE = 1e-13
 
 
 @compiled(MATRIX, VECTOR, VECTOR)
-def shortfall(A: Array, least: Array, dq: Array) -> float:
+def violation(A: Array, least: Array, dq: Array) -> float:
     """Return by how much rates dq (n,) break the worst of A dq ≥ min(least, 0) (m,) [m/s].
 
     Infinite where anything is not a number.

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
 from ..scene import Index
 from ..spatial import Array
-from ..wheels import Led
-from .least_distance import KEPT, settled, shortfall
+from ..wheels import DrivenWheels
+from .least_distance import KEPT, settled, violation
 from .together import PayloadLink, keep
 
 LEAVE_PATH = 1000.0
@@ -114,7 +114,7 @@ def nearest(
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
     if wheels:
-        led = Led.of(dq, low, high, wheels)
+        led = DrivenWheels.of(dq, low, high, wheels)
         found_led = nearest(
             led.asked, J @ led.whole, led.low, led.high, velocity[led.kept], characteristic_length,
             (slopes @ led.whole, least), tool[led.kept], links, (), widen,
@@ -128,7 +128,7 @@ def nearest(
     for link in links:
         H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
-    wrong = shortfall(slopes, least, found[:n])
+    wrong = violation(slopes, least, found[:n])
     if math.isnan(found.sum()) or math.isnan(low.sum() - high.sum()):  # no bound to the solver
         wrong = math.inf
     fallback: Fallback = ""

@@ -209,7 +209,7 @@ class Walls:
         """Return whether joints that move by `way` (n,) cannot lead the MRF beyond a wall."""
         return _stays(p, self._normals, self._heights, self._tip_at(T_wrist_mrf).reach, way)
 
-    def shortfall(
+    def violation(
         self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
     ) -> float:
         """Return by how much the MRF is beyond a wall along postures q (s, n) [m]; 0 for not.
@@ -392,7 +392,7 @@ class Within(NamedTuple):
     """True where dq is not inside these."""
 
 
-class JointRoom:
+class JointLimits:
     """Rate bounds from position limits and from the leash, for n joints."""
 
     def __init__(

@@ -19,7 +19,7 @@ from ..parameters import Parameters
 from ..proximity.capsules import Placed
 from ..scene import Scene
 from ..spatial import Array, Pose, jacobian_at, twist_at
-from ..stop.limiter import Judge
+from ..stop.limiter import StopConstraint
 
 # --- What a body is asked for, and what it answers ------------------------------------------------
 
@@ -301,7 +301,9 @@ class SerialArm:
         """
         return 1.0
 
-    def stop_constraint(self, insertion: Insertion | None, q: Array, error: Array) -> Judge | None:
+    def stop_constraint(
+        self, insertion: Insertion | None, q: Array, error: Array
+    ) -> StopConstraint | None:
         """Return what judges stops of joints q, `error` (n,) ahead; None: nothing of its own."""
         return None
 

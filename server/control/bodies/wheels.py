@@ -20,7 +20,7 @@ from ..mechanism.model import Kinematics, Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..spatial import Array, sizes, twist_at
-from ..wheels import Rolling
+from ..wheels import DifferentialDrive
 from .body import (
     Builder,
     DriveRequest,
@@ -65,7 +65,7 @@ class WheeledArm(SerialArm):
         self._with[WHEELS] = section.weight
         self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
         self._ranks = mechanism.arm_rank, mechanism.rank
-        self._rolling = Rolling(section.wheels.radius, section.wheels.track)
+        self._rolling = DifferentialDrive(section.wheels.radius, section.wheels.track)
         self._most, self._length = p.joints.velocity[WHEELS], p.resolve.characteristic_length
         self.relief[WHEELS] = 0.0
 

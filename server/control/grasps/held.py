@@ -34,7 +34,7 @@ class Weighed(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Held:
+class GraspState:
     """Memory of one arm of the payload that it holds with others.
 
     The payload's frame is where the shared MRF was at start.
@@ -58,7 +58,7 @@ class Held:
     """So long has this arm carried next to nothing, while the others carry its part [s]."""
 
 
-class Holding(NamedTuple):
+class GraspStatus(NamedTuple):
     """Telemetry of one arm about the payload that it holds with others."""
 
     task: str

@@ -9,7 +9,7 @@ import numpy as np
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve
-from ..grasps.held import Held, Weighed
+from ..grasps.held import GraspState, Weighed
 from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..grasps.views import FOLLOW_TIME_S, TOLD, apart, follow, mean_of
 from ..mechanism.model import Dynamics
@@ -610,7 +610,7 @@ class GivingWay:
         gain: Array,
         R_world_mrf: Array,
         intent: Intent,
-        held: Held,
+        held: GraspState,
         at: Array,
     ) -> tuple[Array, ForceState]:
         """Return the twist (6,) at the MRF by which one arm gives way at its grasp.
@@ -658,7 +658,9 @@ class Grips:
         ]
         return max(apart(mean_of(views), view)[0] for view in views)
 
-    def taken(self, measured: Sequence[Pose], before: Sequence[Memory]) -> tuple[list[Held], Pose]:
+    def taken(
+        self, measured: Sequence[Pose], before: Sequence[Memory]
+    ) -> tuple[list[GraspState], Pose]:
         """Return the grasps of arms whose Wrists were measured at poses in World, and the payload.
 
         Its pose is the mean of the nominal views; what an event told of goes on being counted.
@@ -668,10 +670,12 @@ class Grips:
         for memory, T in zip(before, measured, strict=True):
             view = T.inverse() @ mean
             told = 0 if memory.held is None else memory.held.redefined
-            found.append(Held(self._name, view, view, redefined=told))
+            found.append(GraspState(self._name, view, view, redefined=told))
         return found, mean
 
-    def followed(self, wrists: Sequence[Pose], before: Sequence[Memory]) -> tuple[list[Held], Pose]:
+    def followed(
+        self, wrists: Sequence[Pose], before: Sequence[Memory]
+    ) -> tuple[list[GraspState], Pose]:
         """Return the grasps one period later, and where the payload is in World.
 
         That is the mean of the views of arms whose Wrists are at poses in World; they follow it.
@@ -694,7 +698,7 @@ class Grips:
         return found, mean
 
 
-def _held(memory: Memory) -> Held:
+def _held(memory: Memory) -> GraspState:
     if memory.held is None:
         raise ValueError("the arm holds nothing with others")
     return memory.held

@@ -10,11 +10,11 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm
-from ..asking import ArmReading, Wanted, context_of, path_of_mrf, quantities
+from ..asking import ArmMeasurement, DesiredRates, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
 from ..bodies.body import Environment
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
-from ..grasps.held import Held, Holding
+from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
 from ..mechanism.model import Kinematics, at_mrf
 from ..mechanism.redundancy import ObjectiveGains
@@ -106,11 +106,11 @@ class Member(NamedTuple):
     memory: Memory
     inputs: Inputs
     """Its own, with the MRF where it sees it, and nothing that commands it alone."""
-    seen: ArmReading
-    wanted: Wanted
+    seen: ArmMeasurement
+    wanted: DesiredRates
     give_way: Array
     """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
-    holding: Holding
+    holding: GraspStatus
 
     def slowed(self, share: float, limit: str) -> "Member":
         """Return the same at a share of its speed, which a limit of that name left."""
@@ -122,7 +122,7 @@ class Member(NamedTuple):
         return self._replace(wanted=wanted, give_way=share * self.give_way)
 
 
-class Together(NamedTuple):
+class CooperativeState(NamedTuple):
     """A joint task in one tick."""
 
     members: tuple[Member, ...]
@@ -178,7 +178,7 @@ class Stretch:
         in_body = [T @ view for T, view in zip(self._T_body_wrist, views, strict=True)]
         return np.array([T.R for T in in_body]), np.array([T.p for T in in_body])
 
-    def shortfall(self, stop: Stop, carried: Carried, grasps: Array, giving_way: float) -> float:
+    def violation(self, stop: Stop, carried: Carried, grasps: Array, giving_way: float) -> float:
         """Return by how much grasps move apart more than is promised [m], 0 for not.
 
         `carried` is where each arm has the MRF, `grasps` (k, 3) where the grasps are in it [m].
@@ -271,7 +271,7 @@ class _Of(NamedTuple):
     measured: Pose
     """Where its Wrist was measured, in World."""
     wrist: WristMemory
-    held: Held
+    held: GraspState
     kinematics: Kinematics
     """Of the commanded posture, with the MRF where the arm sees it."""
 
@@ -329,7 +329,7 @@ class JointTask:
 
     # --- one tick ----------------------------------------------------------------------------
 
-    def ask(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> Together:
+    def ask(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> CooperativeState:
         """Return what the task asks of each of its arms; both are those of all arms of the cell."""
         told = inputs[self.members[0]]
         T_payload_mrf = self._T_payload_wrist @ told.settings.T_wrist_mrf
@@ -366,7 +366,7 @@ class JointTask:
         for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
             of = seen._replace(held=evolve(seen.held, light_s=light[i], weighed=known))
             away = apart(T_world_mrf, of.kinematics.T_world_mrf)[0]
-            holding = Holding(
+            holding = GraspStatus(
                 self.name, forces.exerted[i], forces.desired[i], forces.internal_force,
                 forces.internal_moment, strained, light[i] >= SLIPPED_S, known.load, away,
                 of.held.redefined,
@@ -382,14 +382,14 @@ class JointTask:
                 share *= slowed.share
                 limit = f"internal_at_fault:{slowed.by}"
                 members = [member.slowed(slowed.share, limit) for member in members]
-        return Together(
+        return CooperativeState(
             tuple(members), T_world_mrf, shared, twists, twist, share, strained,
             lost, forces.p, forces.contact, share * relative_speed(ways),
         )  # fmt: skip
 
     def finish(
         self,
-        together: Together,
+        together: CooperativeState,
         told: Inputs,
         memories: Sequence[Memory],
         outputs: Sequence[Output],
@@ -496,7 +496,7 @@ class JointTask:
         twists: dict[str, Array],
         twist: Array,
         share: float,
-        holding: Holding,
+        holding: GraspStatus,
     ) -> Member:
         """Return one arm's part: the common twist and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
@@ -525,7 +525,7 @@ class JointTask:
             held=evolve(of.held, force=tuned.force),
         )
         wrist, mrf = arm.stages.wrist, given.settings.T_wrist_mrf
-        seen = ArmReading(
+        seen = ArmMeasurement(
             of.kinematics,
             None,
             of.measured,
@@ -536,7 +536,7 @@ class JointTask:
         return Member(memory, given, seen, wanted, share * tuned.way, holding)
 
 
-def _of_member(own: Inputs, told: Inputs, held: Held, T_payload_mrf: Pose) -> Inputs:
+def _of_member(own: Inputs, told: Inputs, held: GraspState, T_payload_mrf: Pose) -> Inputs:
     """Return the inputs of one arm, which nothing commands alone."""
     settings = evolve(
         own.settings,
@@ -626,11 +626,11 @@ LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
 """Builds the limiter of a cell in which the joints of groups of arms stop in proportion."""
 
 
-class On(NamedTuple):
+class ActiveTask(NamedTuple):
     """One joint task that is on, in one tick."""
 
     task: JointTask
-    together: Together
+    together: CooperativeState
     stretch: Stretch
     carried: Carried
 
@@ -645,10 +645,10 @@ class On(NamedTuple):
         ways = [member.give_way for member in self.together.members]
         return PayloadLink(np.array(self.task.members), np.array(ways))
 
-    def shortfall(self, stop: Stop) -> float:
+    def violation(self, stop: Stop) -> float:
         """Return by how much a stop stretches the payload more than is promised [m]."""
         together = self.together
-        return self.stretch.shortfall(stop, self.carried, together.grasps, together.giving_way)
+        return self.stretch.violation(stop, self.carried, together.grasps, together.giving_way)
 
 
 class JointTasks:
@@ -674,14 +674,14 @@ class JointTasks:
                 memories = held_together(task, memories, q, always=True)
         return memories
 
-    def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[On]:
+    def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[ActiveTask]:
         """Return those that are on, with what they ask of their arms."""
         found = []
         for task, stretch in zip(self.tasks, self._stretches, strict=True):
             if task.on(memories):
                 together = task.ask(memories, inputs)
                 views = [member.inputs.settings.T_wrist_mrf for member in together.members]
-                found.append(On(task, together, stretch, stretch.carried(views)))
+                found.append(ActiveTask(task, together, stretch, stretch.carried(views)))
         return found
 
     def switched(
@@ -697,7 +697,7 @@ class JointTasks:
             return let_go(task, memories) if task.on(memories) else tuple(memories)
         return tuple(memories) if task.on(memories) else held_together(task, memories, q)
 
-    def limiter(self, on: Sequence[On]) -> Limiter:
+    def limiter(self, on: Sequence[ActiveTask]) -> Limiter:
         """Return the limiter of a cell in which these tasks are on."""
         groups = tuple(each.task.members for each in on)
         if groups not in self._limiters:
@@ -705,7 +705,7 @@ class JointTasks:
         return self._limiters[groups]
 
 
-def members_of(on: Sequence[On]) -> dict[int, Member]:
+def members_of(on: Sequence[ActiveTask]) -> dict[int, Member]:
     """Return the parts that arms have in joint tasks, by the arms' places."""
     return {
         i: member
@@ -715,7 +715,7 @@ def members_of(on: Sequence[On]) -> dict[int, Member]:
 
 
 def finish(
-    on: Sequence[On],
+    on: Sequence[ActiveTask],
     inputs: Sequence[Inputs],
     paces: Sequence[float],
     memories: list[Memory],

@@ -75,7 +75,7 @@ class Fold(NamedTuple):
         return dq * min(1.0, factor * self.speed / max(v, 1e-12))
 
 
-class Beside(NamedTuple):
+class JointFeedforward(NamedTuple):
     """Requests to the joints in one tick."""
 
     fold: Fold | None = None
@@ -83,4 +83,4 @@ class Beside(NamedTuple):
     """A joint that sweeps, and its rate [rad/s]."""
 
 
-NOTHING: Final = Beside()
+NOTHING: Final = JointFeedforward()

@@ -10,7 +10,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
 from ..spatial import GRAVITY, Array, Pose
-from ..wheels import Rolling
+from ..wheels import DifferentialDrive
 
 # --- A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio ------------------
 
@@ -42,7 +42,7 @@ class Mechanism:
         joints: tuple[str, ...],
         tip_link: str,
         T_world_base: Pose,
-        rolling: Rolling | None = None,
+        rolling: DifferentialDrive | None = None,
     ) -> None:
         """Build from a URDF's text; raises `ValueError` where the joints are not its own.
 
@@ -83,7 +83,13 @@ class Mechanism:
         joints = tuple(j.name for j in cell.robot.joints)
         base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
         try:
-            return cls(cell.robot.description(), joints, m.tip_link, base, Rolling.from_cell(cell))
+            return cls(
+                cell.robot.description(),
+                joints,
+                m.tip_link,
+                base,
+                DifferentialDrive.from_cell(cell),
+            )
         except (ValueError, RuntimeError) as error:
             raise ConfigError(f"{cell.robot.urdf}: {error}") from None
 
@@ -338,7 +344,11 @@ class RollingDynamics(Dynamics):
     """
 
     def __init__(
-        self, mechanism: Mechanism, rolling: Rolling, rotor_inertia: Array, T_sensor: Pose | None
+        self,
+        mechanism: Mechanism,
+        rolling: DifferentialDrive,
+        rotor_inertia: Array,
+        T_sensor: Pose | None,
     ) -> None:
         super().__init__(mechanism, rotor_inertia, T_sensor)
         self._rolling = rolling

@@ -353,14 +353,14 @@ class Wrist:
         T_world_wrist: Pose,
         time_s: float,
         moved: Moved | None,
-        quickness: float,
+        max_tool_acceleration: float,
         at_once: bool,
     ) -> WristMemory:
         """Return the memory with the newest wrench in it, payload and bias taken off.
 
         The load in effect goes to the `target` (10,) `at_once` or smoothly: a tool picked up or a
         tare never jumps. `T_world_wrist` is measured, at the instant that the joints were;
-        `quickness` is the greatest acceleration that the tool was lately told [m/s²].
+        `max_tool_acceleration` is the greatest acceleration that the tool was lately told [m/s²].
         """
         load = memory.load
         load = target if load is None or at_once else load + self._part * (target - load)
@@ -378,7 +378,7 @@ class Wrist:
             time_s,
             sample.age_s,
             free_fall,
-            OVERSHOOT * quickness,
+            OVERSHOOT * max_tool_acceleration,
             sample.mean,
         )
         return WristMemory(wrench, load)

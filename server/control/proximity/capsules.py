@@ -27,7 +27,7 @@ from ..compiled import (
 )
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
-from ..wheels import Rolled, Rolling
+from ..wheels import DifferentialDrive, Rolled
 from .distance import PAIRS, PLACED, ROOTS, TREE, Pairs, PlacedArrays, Roots, TreeArrays
 
 # --- Forward kinematics of a forest of joints at several postures: frames, axes and segments at
@@ -170,7 +170,7 @@ class Branch:
         pin.forwardKinematics(model, self._data, pin.neutral(model))
         self._ids = [model.getJointId(joint.name) for joint in part.robot.joints]
         self.n = len(self._ids)
-        self.rolling = Rolling.from_cell(part)
+        self.rolling = DifferentialDrive.from_cell(part)
         """The wheels that the root rolls on, its first two joints; None for one that stands."""
         self.tree = self._tree()
         base = part.config.mechanism.T_world_base

@@ -340,7 +340,7 @@ def _measure(ends: Array, pairs: Pairs, obstacles: Obstacles, near: Near) -> Non
 
 
 @compiled(ARRAY4, PAIRS, INDEX, MATRIX, OBSTACLES)
-def shortfall(ends: Array, pairs: Pairs, which: Index, least: Array, obstacles: Obstacles) -> float:
+def violation(ends: Array, pairs: Pairs, which: Index, least: Array, obstacles: Obstacles) -> float:
     """Return the greatest shortfall of distances below `least` (s, p) [m]; 0 where all are kept.
 
     Of the pairs `which` (p,), at s postures, at which capsules have `ends` (s, c, 2, 3).

@@ -25,7 +25,7 @@ from ..compiled import (
 from ..scene import Flags, Index, Scene, empty
 from ..spatial import Array, Pose
 from .capsules import Capsules, Forest, Placed
-from .distance import OBSTACLES, NearestPoints, Obstacles, apart, described, measured, shortfall
+from .distance import OBSTACLES, NearestPoints, Obstacles, apart, described, measured, violation
 
 # --- Pairs that are near: links and obstacles, links and each other; far ones are culled cheaply
 #
@@ -107,7 +107,7 @@ class PairSearch:
             *pairs, placed, near, radii, gap, promise, rows, speed, approach, obstacle, none
         )
 
-    def shortfall(
+    def violation(
         self, ends: Array, near: NearPairs, which: Index, least: Array, scene: Scene | None
     ) -> float:
         """Return the greatest shortfall of distances below the least ones [m]; 0 for none.
@@ -116,7 +116,7 @@ class PairSearch:
         `least` (s, p) [m], between segments, is for those pairs `which` (p,) are near.
         """
         scene = _NOTHING if scene is None else scene
-        return shortfall(ends, near[:2], which, least, scene.segments)
+        return violation(ends, near[:2], which, least, scene.segments)
 
     def _wanted(self, scene: Scene) -> Flags:
         """Return which capsules and obstacles (c, k) may be kept apart at all."""

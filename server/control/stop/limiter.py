@@ -54,7 +54,7 @@ class Limited(NamedTuple):
         return Limited(self.motion.of(part), self.stop.of(part), self.stopped, self.worsened)
 
 
-Judge = Callable[[Stop], float]
+StopConstraint = Callable[[Stop], float]
 """By how much a stop falls short of what is to be kept [m]; 0 for one that keeps everything."""
 
 WORSE = 1e-3
@@ -96,7 +96,7 @@ class Limiter:
         held: Stop,
         target: Array,
         factor: float,
-        judge: Judge | None = None,
+        judge: StopConstraint | None = None,
     ) -> Limited:
         """Return the motion one period later on the way to joint rates `target` (n,).
 

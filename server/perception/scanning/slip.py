@@ -28,7 +28,7 @@ from ...control.compiled import (
     compiled,
 )
 from ...control.spatial import Array, Pose
-from ...control.wheels import Rolled, Rolling
+from ...control.wheels import DifferentialDrive, Rolled
 from .placing import MeasuredInstant
 
 CELL: Final = 0.2
@@ -127,7 +127,7 @@ class _Compared(NamedTuple):
 class SlipMonitor:
     """Compares the way that a base's wheels rolled with the way that it came, by the scans."""
 
-    def __init__(self, rolling: Rolling, least: float, fastest: float) -> None:
+    def __init__(self, rolling: DifferentialDrive, least: float, fastest: float) -> None:
         """Build it: wheels that lose more than `least` [m] slip; `fastest` bounds them [rad/s]."""
         self._rolling, self._least, self._fastest = rolling, least, fastest
         self.slipping = False
@@ -137,7 +137,7 @@ class SlipMonitor:
     @classmethod
     def from_cell(cls, cell: Cell) -> Self | None:
         """Return that of a cell; None for an arm that does not roll."""
-        base, rolling = cell.config.mechanism.base, Rolling.from_cell(cell)
+        base, rolling = cell.config.mechanism.base, DifferentialDrive.from_cell(cell)
         if base is None or rolling is None:
             return None
         wheels = (base.wheels.left, base.wheels.right)

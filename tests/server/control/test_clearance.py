@@ -14,7 +14,7 @@ from telerobot.config.schema.surroundings import (
     WorkspaceSection,
 )
 from telerobot.server.control.arm import Arm as ArmControl
-from telerobot.server.control.barriers.clearance import Guard
+from telerobot.server.control.barriers.clearance import CollisionConstraint
 from telerobot.server.control.scene import Body, Moved, Scene
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.task.source import StickCommand
@@ -45,7 +45,7 @@ class Kept:
     ) -> None:
         given = AvoidanceSection(enabled=True, clearance=PROMISE, **avoidance)
         cell = altered(arm.cell, {"obstacles": obstacles, "avoidance": given})
-        self.guard = Guard(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
+        self.guard = CollisionConstraint(cell, arm.p.joints.acceleration, arm.p.joints.jerk)
         self.world = ObstacleMap.from_cell(cell, Events())
         control = Control([ArmControl(arm.p, arm.mechanism)], self.guard)
         arm = replace(arm, control=control, settings=replace(arm.settings, avoid=True))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.joint_rates import Beside, Fold
+from telerobot.server.control.mechanism.joint_rates import Fold, JointFeedforward
 from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 
 from ..conftest import Arm, Run
@@ -23,7 +23,7 @@ def folding(pa10: Arm, start: Callable[..., Run]) -> Callable[..., Run]:
             gains={**made.settings.gains, "reflex": np.full(6, source)},
             objectives=ObjectiveGains({**off, "reflex": objective}, made.q),
         )
-        fold = Beside(Fold(made.q + AWAY, 0.3))
+        fold = JointFeedforward(Fold(made.q + AWAY, 0.3))
         made.go(seconds, beside=fold, at_posture=True, **inputs)
         return made
 

@@ -108,9 +108,9 @@ def test_what_a_joint_lags_is_taken_off_the_room():
     stop = Stop.at_rest(aside)
     points = snake.backbone.chain.points(aside[None])
     assert snake.off() + 0.001 < snake.backbone.off_centre(points, insertion.s1)
-    assert body.shortfall(insertion, snake.q, lag, stop) == 0.0
+    assert body.violation(insertion, snake.q, lag, stop) == 0.0
     lag[20] = 0.02  # half a metre of arm beyond it: 10 mm
-    assert body.shortfall(insertion, snake.q, lag, stop) > 0.0005
+    assert body.violation(insertion, snake.q, lag, stop) > 0.0005
 
 
 def test_at_the_ends_of_its_way_it_slows_down_and_says_so():

@@ -42,7 +42,7 @@ def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kep
         )
         at = Situation.of((arm,), Surroundings({}, 1.0, scene=scene))
         watch = kept.guard.watch(at, dq)
-        short = kept.guard.shortfall(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
+        short = kept.guard.violation(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
         said.append((short == 0.0, float(gaps_along(kept, stop).min())))
     clear = [least for ok, least in said if ok]
     refused = [least for ok, least in said if not ok]

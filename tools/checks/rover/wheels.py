@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from ....config.load import Cell
 from ....config.schema.mechanism import DifferentialBaseSection
 from ....server.control.proximity.capsules import Forest
-from ....server.control.wheels import Rolling
+from ....server.control.wheels import DifferentialDrive
 from ..findings import Finding, Severity, graded
 
 NOTICE, MOST = 0.01, 0.05
@@ -14,7 +14,7 @@ NOTICE, MOST = 0.01, 0.05
 
 def wheels(cell: Cell) -> Iterator[Finding]:
     """Judge the wheels of a base; nothing without one."""
-    base, rolling = cell.config.mechanism.base, Rolling.from_cell(cell)
+    base, rolling = cell.config.mechanism.base, DifferentialDrive.from_cell(cell)
     if base is None or rolling is None:
         return
     yield _places(cell, base)
@@ -39,7 +39,7 @@ def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
     )
 
 
-def _speed(cell: Cell, base: DifferentialBaseSection, rolling: Rolling) -> Finding:
+def _speed(cell: Cell, base: DifferentialBaseSection, rolling: DifferentialDrive) -> Finding:
     """Judge the wheels' speed bounds: straight on, and with all of the turning beside it."""
     drives = {drive.joint: drive.max_velocity for drive in cell.config.mechanism.drives}
     least = min(drives[base.wheels.left], drives[base.wheels.right])

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.actuation.momentum import Foreseen, foreseen, observed, to_expect
+from telerobot.server.control.actuation.momentum import Foreseen, observed, predict, to_expect
 from telerobot.server.control.mechanism.model import Dynamics, Mechanism
 
 T = 0.01
@@ -77,7 +77,7 @@ LEAD, SPEED, TRUST, SHARE = 2.0, 0.01, 0.8, 0.9
 
 @pytest.fixture
 def seen(mechanism, rng):
-    """Return by name what an arm in motion tells `foreseen`, in its order."""
+    """Return by name what an arm in motion tells `predict`, in its order."""
     q, rate = rng.uniform(-1.5, 1.5, 7), rng.normal(0.0, 0.3, 7)
     terms = Dynamics(mechanism, np.full(7, 0.4)).terms(q, rate)
     return {
@@ -99,11 +99,11 @@ def seen(mechanism, rng):
 
 
 def look(seen, bandwidth=K, settled=False):
-    return foreseen(*seen.values(), T, TRUST, bandwidth, LEAD, SPEED, SHARE, settled)
+    return predict(*seen.values(), T, TRUST, bandwidth, LEAD, SPEED, SHARE, settled)
 
 
 def written_out(seen, bandwidth, settled):
-    """Return what `foreseen` does, in matrices."""
+    """Return what `predict` does, in matrices."""
     s = SimpleNamespace(**seen)
 
     def heading(q):

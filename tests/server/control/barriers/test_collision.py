@@ -7,7 +7,7 @@ from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSecti
 from telerobot.server.control.barriers.clearance import (
     ORDERED,
     BarrierInputs,
-    Guard,
+    CollisionConstraint,
     Situation,
     Surroundings,
 )
@@ -25,7 +25,7 @@ def watched(pa10):
     """Return a function of joint rates, asked for and present: what the guard watches then."""
     given = AvoidanceSection(enabled=True, near_speed=0.05, clearance=0.02)
     cell = altered(pa10.cell, {"obstacles": (TABLE, POST), "avoidance": given})
-    guard = Guard(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
+    guard = CollisionConstraint(cell, pa10.p.joints.acceleration, pa10.p.joints.jerk)
     scene, q = ObstacleMap.from_cell(cell, Events()).scene(0), pa10.posture("ready")
     k = pa10.mechanism.kinematics(q, Pose.identity())
 

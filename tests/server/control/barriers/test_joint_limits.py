@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.rows import JointRoom, Room
+from telerobot.server.control.barriers.rows import JointLimits, Room
 from telerobot.server.control.spatial import Motion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
@@ -20,7 +20,7 @@ def stopping_distance(v, A, J):
 
 def room_of(A, J, V, reach=1.0):
     n = len(A)
-    return JointRoom(-reach * np.ones(n), reach * np.ones(n), A, J, V, 0.03 * np.ones(n), T)
+    return JointLimits(-reach * np.ones(n), reach * np.ones(n), A, J, V, 0.03 * np.ones(n), T)
 
 
 def test_a_joint_at_the_speed_allowed_can_stop_in_the_room_left(rng):

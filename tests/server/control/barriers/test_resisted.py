@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 
-class Held:
+class GraspState:
     """A run whose joints follow two ticks late, but for what holds them up."""
 
     def __init__(self, run, stick, twist):
@@ -28,7 +28,7 @@ class Held:
 
 
 def test_joints_that_follow_late_are_not_slowed(run, stick):
-    held = Held(run, stick, (0.25, -0.2, 0.1, 0.3, 0.2, -0.5))
+    held = GraspState(run, stick, (0.25, -0.2, 0.1, 0.3, 0.2, -0.5))
     held.go(1.0)
     assert np.abs(run.outputs[-1].dq).max() > 0.2
     assert not any("leash" in name for o in run.outputs for name in o.limits)
@@ -38,7 +38,7 @@ def test_joints_that_follow_late_are_not_slowed(run, stick):
 @pytest.mark.parametrize("joint", [0, 1, 2, 3])
 def test_a_joint_that_is_arrested_stays_in_its_window(run, stick, joint, speed):
     """Jogged, it runs into something hard: from there on it stands."""
-    held = Held(run, stick, (0.0,) * 6)
+    held = GraspState(run, stick, (0.0,) * 6)
     rates = np.zeros(run.arm.p.n)
     rates[joint] = speed
     for _ in range(40):
@@ -55,7 +55,7 @@ def test_a_joint_that_is_arrested_stays_in_its_window(run, stick, joint, speed):
 @pytest.mark.parametrize("joint", [4, 5])
 def test_a_joint_that_the_others_push_back_stops_them(run, stick, joint):
     """A wrist at the end of its torque: what the first joint presses it into, it gives way to."""
-    held = Held(run, stick, (0.0,) * 6)
+    held = GraspState(run, stick, (0.0,) * 6)
     rates = np.zeros(run.arm.p.n)
     rates[0] = 0.8 * run.arm.p.joints.velocity[0]
     start = run.q[0]

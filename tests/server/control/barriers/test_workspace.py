@@ -40,7 +40,7 @@ def test_the_shortfall_is_how_far_the_worst_posture_leads_the_tool_out(pa10, wal
     for _ in range(60):
         q = pa10.posture("ready") + rng.uniform(-0.4, 0.4) * rng.uniform(-1, 1, (5, 7))
         expected = max(0.0, float(out(places(pa10, q, base)).max()))
-        short.append(walls.shortfall(inside, T_WRIST_MRF, q, base))
+        short.append(walls.violation(inside, T_WRIST_MRF, q, base))
         assert short[-1] == pytest.approx(expected, abs=1e-12)
     assert max(short) > 0.0
 
@@ -54,7 +54,7 @@ def test_planes_are_walls_beside_those_of_a_box(pa10, rng):
     for _ in range(60):
         q = pa10.posture("ready") + rng.uniform(-0.6, 0.6) * rng.uniform(-1, 1, (5, 7))
         heights = (places(pa10, q) - tilted.point) @ normal
-        short.append(walls.shortfall(np.array([0.5, 0.0, 2.0]), T_WRIST_MRF, q))
+        short.append(walls.violation(np.array([0.5, 0.0, 2.0]), T_WRIST_MRF, q))
         assert short[-1] == pytest.approx(max(0.0, BETWEEN - heights.min()), abs=1e-12)
     assert max(short) > 0.0
 
@@ -63,13 +63,13 @@ def test_a_tool_that_is_outside_may_only_come_nearer(pa10, walls, rng):
     for _ in range(60):
         q = pa10.random_posture(rng)
         p = places(pa10, q[None])[0]
-        assert walls.shortfall(p, T_WRIST_MRF, q[None]) == 0.0
+        assert walls.violation(p, T_WRIST_MRF, q[None]) == 0.0
         further = rng.uniform(-0.3, 0.3, 7)
         after = places(pa10, (q + further)[None])[0]
         worse = max(0.0, float(out(after[None])[0]))
         wall = np.maximum(np.maximum(LOW - p, p - HIGH), 0.0)
         if worse > 0.0 and (np.maximum(LOW - after, after - HIGH) > wall + 0.01).any():
-            assert walls.shortfall(p, T_WRIST_MRF, (q + further)[None]) > 0.0
+            assert walls.violation(p, T_WRIST_MRF, (q + further)[None]) > 0.0
 
 
 def test_joints_that_are_said_not_to_lead_the_tool_out_do_not(pa10, walls, rng):

@@ -3,7 +3,7 @@
 import coal
 import numpy as np
 import pytest
-from telerobot.server.control.proximity.distance import NearestPoints, measured, shortfall
+from telerobot.server.control.proximity.distance import NearestPoints, measured, violation
 from telerobot.server.control.spatial import rotation_exp
 
 COUNT = 300
@@ -149,7 +149,7 @@ def test_the_shortfall_is_that_of_the_worst_pair_at_the_worst_posture(lines, box
                 [things(*ends.swapaxes(0, 1), rounds, others).distance[pairs] for ends in postures]
             )
             wanted = distance + rng.uniform(-0.2, 0.1, distance.shape) + far
-            found = shortfall(postures, (i, i + COUNT), pairs, wanted, (*rounds, *others))
+            found = violation(postures, (i, i + COUNT), pairs, wanted, (*rounds, *others))
             expected = max(0.0, float((wanted - distance).max()))
             assert found == pytest.approx(expected, abs=1e-12)
             short += found > 0.0

@@ -9,10 +9,10 @@ from telerobot.server.control.arm import Arm
 from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
-from telerobot.server.control.wheels import Rolled, Rolling
+from telerobot.server.control.wheels import DifferentialDrive, Rolled
 from telerobot.server.recorder import pack, unpack
 
-ROLLING = Rolling(radius=0.12, track=0.5)
+ROLLING = DifferentialDrive(radius=0.12, track=0.5)
 
 
 @pytest.fixture(scope="module")
