@@ -65,6 +65,11 @@ _WORDS: dict[str, tuple[str, str]] = {
         "Withdraw it to the entrance, then see to the drive.",
     ),
     "off_wall": ("Inside its tunnel, {detail}.", ""),
+    "wheels_slip": (
+        "The wheels slip: {detail}.",
+        "See to the ground under them, and whether the base met something, then resume.",
+    ),
+    "wheels_grip": ("The wheels grip again.", ""),
     "unseen_behind": (
         "Nobody saw the ground behind the base, which goes back slowly: {detail}.",
         "Look there, or turn the base round.",
