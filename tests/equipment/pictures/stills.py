@@ -93,6 +93,7 @@ def take(
     finally:
         page.close()
         server.shutdown()
+        server.server_close()
     _shrink(picture)
     return complaints
 

@@ -37,6 +37,9 @@ class Values:
             if name in ENVELOPE or (not field.is_required() and self.dice.random() < 0.5):
                 continue
             found[name] = self.of(field.annotation, field.metadata)
+        if "nearest_mm" in found and self.dice.random() < 0.5:  # drawn apart, they never agree
+            found["rows"], found["columns"] = self.dice.randint(1, 20), self.dice.randint(1, 40)
+            found["nearest_mm"] = self.dice.randbytes(2 * found["rows"] * found["columns"])
         return found
 
     def message(self, kind: type[Message], **given: Any) -> Message | None:
