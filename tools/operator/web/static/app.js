@@ -101,6 +101,7 @@ link.addEventListener("event", ({ detail }) => {
 // Panels are drawn fifteen times a second, from the newest state; the scene interpolates by itself.
 const over = at("over").appendChild(el("p", { hidden: true }));
 function draw() {
+  if (!newest && performance.now() < SILENT_MS) return; // the first state is still on its way
   const silent = !reached || performance.now() - newestAt > SILENT_MS;
   over.hidden = !silent;
   document.body.classList.toggle("silent", silent);
