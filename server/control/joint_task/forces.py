@@ -414,7 +414,7 @@ def _weight_in(told: Told) -> Array:
     The moment is that of a force along the vertical: its point's place times the force.
     """
     up = told.T_payload_mrf.R @ told.T_world_mrf.R[2]
-    wrench = wrench_to(told.T_payload_mrf, told.contact)  # type: ignore[arg-type]
+    wrench = wrench_to(told.T_payload_mrf, told.contact)  # type: ignore[arg-type]  # known, or nobody asks
     return np.concatenate([[wrench[:3] @ up], cross(up, wrench[3:])])
 
 

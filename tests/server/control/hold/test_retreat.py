@@ -72,6 +72,18 @@ def test_it_follows_the_way_round_a_corner(retreat):
     assert way[-1, 0] < 0.13
 
 
+@pytest.mark.parametrize("turn_s", [1.7, 0.0], ids=["the newest part", "the whole way"])
+def test_a_joint_that_is_held_up_stands_and_the_other_gives_way_inside_the_leash(retreat, turn_s):
+    state, q, now = came(retreat, turn_s=turn_s)
+    start, held_up = q, np.array([0.0, -1.0])
+    for k in range(200):
+        pushed, at_s = push(-9.0, 0.0), now + k * T
+        state, dq = retreat.step(state, q, FREE, J, pushed, at_s, True, held_up=held_up)
+        q = q + T * dq
+    assert q[1] == start[1]
+    assert 0.02 < start[0] - q[0] <= LEASH
+
+
 def test_a_joint_that_sweeps_is_no_part_of_the_way_and_stands():
     retreat = Retreat(LEASH, T, gives_way=np.array([True, False]))
     state, q = retreat.start, np.zeros(2)
