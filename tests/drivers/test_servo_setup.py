@@ -2,9 +2,10 @@
 
 import struct
 from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
-import canopen
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -186,11 +187,8 @@ def test_every_count_comes_back_exactly(counts: int, direction: int) -> None:
 # --- an EDS -------------------------------------------------------------------------------------
 
 
-def test_a_drive_is_opened_with_its_eds(cell: Any, tmp_path: Any) -> None:
-    path = tmp_path / "drive.eds"
-    dictionary = canopen.import_od(None)
-    with path.open("w") as file:
-        canopen.export_od(dictionary, file, doc_type="eds")
+def test_a_drive_is_opened_with_its_eds() -> None:
+    path = Path(str(resources.files("telerobot") / "config/devices/simulated_drive.eds"))
     fieldbus = Fieldbus(InProcessBus(Hub()))
     servo = ServoDrive(fieldbus, drive(), TimingSection(), lower=-1, upper=1, eds=path)
     assert servo.name == "j1"

@@ -46,7 +46,7 @@ def test_a_scan_survives_the_way_over_the_wire() -> None:
     sent = replace(SCAN, distances=np.where(np.arange(541) % 7, SCAN.distances, np.nan))
     got = decode_scan(encode_scan(sent))
     np.testing.assert_allclose(got.distances, sent.distances, atol=1e-9)
-    assert replace(got, distances=sent.distances) == replace(sent, distances=sent.distances)
+    assert {**vars(got), "distances": None} == {**vars(sent), "distances": None}
 
 
 def test_remission_encoders_and_time_are_passed_over() -> None:
