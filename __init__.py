@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .config.load import load_cell
-    from .tools.client.connection import OperatorError
-    from .tools.client.operator import Operator
+    from .tools.client.operator import Operator, OperatorError
     from .tools.simulation.operator import SimulatedOperator
     from .tools.simulation.simulation import simulate
 
@@ -14,7 +13,7 @@ __all__ = ["Operator", "OperatorError", "SimulatedOperator", "load_cell", "simul
 
 _HOMES = {
     "Operator": ".tools.client.operator",
-    "OperatorError": ".tools.client.connection",
+    "OperatorError": ".tools.client.operator",
     "SimulatedOperator": ".tools.simulation.operator",
     "load_cell": ".config.load",
     "simulate": ".tools.simulation.simulation",

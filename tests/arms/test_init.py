@@ -10,12 +10,10 @@ from laboratory.campaign.urdfs.trial import try_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.tools.cli import main
-from telerobot.tools.init.drives import range_of
+from telerobot.tools.init.capsules import LinkMesh, fit, hull_of, link_shape
+from telerobot.tools.init.draft import bound, path_from, range_of
 from telerobot.tools.init.make import make
 from telerobot.tools.init.robot import carried_mass, read_arm
-from telerobot.tools.init.shape.capsules import fit
-from telerobot.tools.init.shape.shapes import LinkMesh, hull_of, link_shape
-from telerobot.tools.init.toml_text import bound, path_from
 
 
 def refusal(urdf, tip=None):

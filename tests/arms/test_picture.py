@@ -29,7 +29,7 @@ def shapes(capsys, *args):
 
 
 def test_the_picture_shows_every_link_and_states_how_tight_its_capsules_are(cell, capsys, tmp_path):
-    from telerobot.tools.recording.plot.link_shapes import covers, drawn
+    from telerobot.tools.recording.plot.scenes import covers, drawn
 
     capsys.readouterr()
     out = tmp_path / "shapes.png"

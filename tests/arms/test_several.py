@@ -7,9 +7,8 @@ from telerobot.config.load import load_cell
 from telerobot.config.urdf.robot import read_robot
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.tools.cli import main
+from telerobot.tools.init.capsules import Fit, Place, Tube, merged
 from telerobot.tools.init.robot import read_arm, read_arms
-from telerobot.tools.init.shape.capsules import Fit, Tube
-from telerobot.tools.init.shape.merge import Place, merged
 from telerobot.tools.simulation.simulation import simulate
 
 from .twins import write_twins

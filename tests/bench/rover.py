@@ -25,7 +25,7 @@ from telerobot.server.perception.scanning.placing import instant_of
 from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles
-from telerobot.tools.bench.plant import EnabledPlant, driven, with_own_scanner
+from telerobot.tools.bench.latency import EnabledPlant, driven, with_own_scanner
 from telerobot.tools.host.machine import realtime
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

@@ -13,12 +13,10 @@ from telerobot.config.schema.section import PoseSection
 from telerobot.drivers.rig.physics.world import World
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import MechanismCommand, TaskCommand
-from telerobot.tools.scripts.message import TopicMessage
-from telerobot.tools.scripts.script import Script
-from telerobot.tools.scripts.step import Step
+from telerobot.tools.scripts.script import Script, Step, TopicMessage
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.equipment import Draw, step
 from telerobot.tools.soak.segments import SEGMENTS, disturbance, master
-from telerobot.tools.soak.steps import Draw, step
 
 from .part import Part, Selection
 from .runs import Runs

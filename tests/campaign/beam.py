@@ -16,10 +16,9 @@ from telerobot.config.load import Cell, altered, load_cell
 from telerobot.config.schema.joint_task import JointTaskSection
 from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.protocols.messages.rig import RigTruth
-from telerobot.tools.scripts.script import Script
-from telerobot.tools.scripts.step import Step
+from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.steps import Act, Draw, step
+from telerobot.tools.soak.equipment import Act, Draw, step
 
 from .part import Part, Selection
 from .runs import Runs

@@ -13,8 +13,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from telerobot.config.load import Cell, load_cell
 from telerobot.config.schema.mechanism import PayloadSection
+from telerobot.tools.checks.drives import following
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.checks.loops.following import following
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from telerobot.tools.client.motions import Motions
-from telerobot.tools.client.operator import Operator
-from telerobot.tools.client.task import TaskClient
+from telerobot.tools.client.operator import Motions, Operator, TaskClient
 
 PAGE: Final = Path(inspect.getfile(Operator)).with_name("README.md")
 

@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 from telerobot.tools.host.address import options
 from telerobot.tools.host.local_plant import CLI
-from telerobot.tools.recording.replay.replay import Replay
+from telerobot.tools.recording.replay import Replay
 from telerobot.tools.recording.run_file import read_cell, read_frames, read_run
 
 SMALL = 300_000

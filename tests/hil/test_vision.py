@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.perception import RigMotion
-from telerobot.tools.simulation.judges.view import ViewJudge
+from telerobot.tools.simulation.judges import ViewJudge
 
 pytestmark = [pytest.mark.hil, pytest.mark.usefixtures("rendering")]
 

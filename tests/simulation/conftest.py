@@ -10,8 +10,7 @@ from telerobot.config.load import Cell, load_cell
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.result import Result
-from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.simulation.simulation import Result, Simulation
 
 STICK = {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"}
 REST = {"twist": [0.0] * 6}

@@ -4,7 +4,7 @@ import pytest
 from telerobot.config.bundle import to_text
 from telerobot.server.control.tick import Control
 from telerobot.server.recorder import MOST, BlackBox
-from telerobot.tools.recording.replay.replay import Replay
+from telerobot.tools.recording.replay import Replay
 from telerobot.tools.recording.run_file import read_about, read_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

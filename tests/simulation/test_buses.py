@@ -10,7 +10,7 @@ from telerobot.config.schema.bus import BusSection
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script
-from telerobot.tools.simulation.judges.observer import Observer
+from telerobot.tools.simulation.observer import Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate
 
 from .conftest import STICK, Run

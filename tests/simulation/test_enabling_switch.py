@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import altered
 from telerobot.config.schema.bus import EnablingSwitchSection
 from telerobot.server.telemetry import describe
-from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
+from telerobot.tools.checks.cell import bus_load, worst_case_bits
 
 from .conftest import STICK
 

@@ -10,7 +10,7 @@ from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception import FrameNews, ObstacleNews, Sighting
-from telerobot.tools.checks.sensors import sensors
+from telerobot.tools.checks.cell import sensors
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

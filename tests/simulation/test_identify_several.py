@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.tools.identify.attitudes import attitudes
-from telerobot.tools.identify.report import snippet
-from telerobot.tools.identify.run import identify_simulated, judge
-from telerobot.tools.identify.subject import subject_of
+from telerobot.tools.identify.cli import identify_simulated, judge, snippet, subject_of
+from telerobot.tools.identify.estimate import attitudes
 
 
 @pytest.fixture

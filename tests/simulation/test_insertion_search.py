@@ -5,7 +5,7 @@ from laboratory.campaign.contact import searched
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.judges.peg import PegJudge
+from telerobot.tools.simulation.judges import PegJudge
 from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run

@@ -4,8 +4,7 @@ import msgpack
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.memory_link import MemoryLink
-from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.simulation.simulation import MemoryLink, Simulation
 
 from .conftest import STICK
 

@@ -7,7 +7,7 @@ from telerobot.config.load import Cell, altered
 from telerobot.server.stability.loops import following_source, heaviest
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
-from telerobot.tools.scripts.step import Step
+from telerobot.tools.scripts.script import Step
 from telerobot.tools.simulation.simulation import Simulation
 
 from .conftest import Run

@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.checks.tunnel import tunnel
+from telerobot.tools.checks.model import tunnel
 from telerobot.tools.scripts.script import load_script, script_path
 
 INSIDE = 21

@@ -8,8 +8,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode, encode
 from telerobot.server.telemetry import describe
 from telerobot.tools.scripts.script import Script, load_script
-from telerobot.tools.simulation.memory_link import MemoryLink
-from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.simulation.simulation import MemoryLink, Simulation
 
 PERIODICAL = (t.STATE, t.REFLECTION, t.DESCRIPTION)
 

@@ -6,7 +6,7 @@ from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import FramesSection, MovingFrameSection
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak import sights
+from telerobot.tools.soak import cli as sights
 
 from ..conftest import shared
 from .conftest import Run

@@ -13,7 +13,7 @@ from telerobot.tools.bench import tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.cli import table
 from telerobot.tools.bench.figures import machine, percentiles
-from telerobot.tools.bench.plant import with_own_scanner, without_self_motion
+from telerobot.tools.bench.latency import with_own_scanner, without_self_motion
 from telerobot.tools.cli import main
 
 

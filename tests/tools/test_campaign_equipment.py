@@ -7,8 +7,8 @@ from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
+from telerobot.tools.soak.cli import ComputedSights
 from telerobot.tools.soak.equipment import EMPTY, LOADED, with_gripper
-from telerobot.tools.soak.sights import ComputedSights
 
 WATCH = [
     {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},

@@ -1,7 +1,15 @@
 import pytest
 from telerobot.protocols.messages.messages import Frame
-from telerobot.tools.operator.terminal.keyboard import FIRST_S, REPEAT_S, Decoder, HeldKeys
-from telerobot.tools.operator.terminal.stick import AXES, SPEEDS, Stick, opposites
+from telerobot.tools.operator.terminal import (
+    AXES,
+    FIRST_S,
+    REPEAT_S,
+    SPEEDS,
+    Decoder,
+    HeldKeys,
+    Stick,
+    opposites,
+)
 
 
 class Typist:

@@ -1,7 +1,7 @@
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import Message
-from telerobot.tools.simulation.memory_link import MemoryLink
+from telerobot.tools.simulation.simulation import MemoryLink
 
 
 def rest(link, topic):

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.simulation.judges.observer import SAG, Observer
+from telerobot.tools.simulation.observer import SAG, Observer
 
 CELL = load_cell("pa10")
 DRIVE = next(d for d in CELL.config.mechanism.drives if d.joint == "w1")

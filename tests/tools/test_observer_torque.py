@@ -4,7 +4,7 @@ import struct
 
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.tools.simulation.judges.observer import Observer
+from telerobot.tools.simulation.observer import Observer
 
 BASE = load_cell("pa10_hand")
 CELL = altered(BASE, {"mechanism.operation_mode": "cst"})

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.tools.cli import main
-from telerobot.tools.recording.plot.panels import PANELS
-from telerobot.tools.recording.plot.reader import load_recording
+from telerobot.tools.recording.plot.figure import PANELS, load_recording
 from telerobot.tools.recording.run_file import RecordError, read_about
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

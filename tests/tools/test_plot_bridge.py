@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.cli import main
-from telerobot.tools.recording.plot.reader import load_recording
+from telerobot.tools.recording.plot.figure import load_recording
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -22,7 +22,7 @@ def recorded(tmp_path_factory):
 
 def test_scans_contour_and_arm_are_drawn_where_they_were(recorded, tmp_path):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.bridge import ducking
+    from telerobot.tools.recording.plot.scenes import ducking
 
     path = recorded("rover_bridge", 0.9)
     run = load_recording(path)

@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.cli import main
-from telerobot.tools.recording.plot.reader import load_recording
+from telerobot.tools.recording.plot.figure import load_recording
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -25,7 +25,7 @@ def recorded(tmp_path_factory):
 
 def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.tunnels import slithering
+    from telerobot.tools.recording.plot.scenes import slithering
 
     path = recorded("snake", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
     run = load_recording(path)
@@ -44,7 +44,7 @@ def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
 
 def test_in_space_links_are_drawn_where_they_truly_were(recorded):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.tunnels import slithering
+    from telerobot.tools.recording.plot.scenes import slithering
 
     run = load_recording(
         recorded("snake_tail_space", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
@@ -59,7 +59,7 @@ def test_in_space_links_are_drawn_where_they_truly_were(recorded):
 @pytest.mark.parametrize("cell", ["snake", "snake_space"])
 def test_a_run_that_came_by_all_six_free_lengths_of_the_paper_shows_these(recorded, cell):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.tunnels import slithering
+    from telerobot.tools.recording.plot.scenes import slithering
 
     run = load_recording(recorded(cell, {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}}))
     # As if it had gone in from the entrance to the end.

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.protocols.messages.telemetry import Event
-from telerobot.tools.soak.touches import SINCE_S, Touches
+from telerobot.tools.soak.cli import SINCE_S, Touches
 
 
 def error(name, time_s, cause):

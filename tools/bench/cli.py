@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 from ...config.load import Cell, load_cell
-from ..client.connection import OperatorError
+from ..client.operator import OperatorError
 from ..host.local_plant import ChildDied
 from . import latency, simulate, sync, tick
 from .figures import Figures, machine

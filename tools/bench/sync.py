@@ -18,7 +18,7 @@ import numpy as np
 from ...config.load import Cell
 from ...protocols.canopen.can301 import SYNC_ID
 from .figures import PERCENTILES, Figures, percentiles
-from .plant import EnabledPlant, driven
+from .latency import EnabledPlant, driven
 
 SECONDS = 60.0
 QUICK_SECONDS = 10.0

@@ -1,18 +1,29 @@
-"""Check of the drives' bounds against the robot's, and of their resolution."""
+"""Checks of drives: bounds, resolution, enabling, load, torque, and how they follow."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism import DifferentialBaseSection, DriveSection
+from ...config.schema.mechanism import (
+    DifferentialBaseSection,
+    DriveSection,
+    ForceTorqueSection,
+    PayloadSection,
+)
 from ...config.urdf.robot import UrdfJoint
-from ...drivers.device import MOST_MISSED_SYNCS
-from ...protocols.canopen.cia402 import HALF, SPAN
-from ...server.control.mechanism.model import Mechanism
+from ...drivers.canopen.servo_setup import SAG, Setpoint
+from ...drivers.device import MOST_MISSED_SYNCS, SWITCH_OFF_S
+from ...protocols.canopen.cia402 import HALF, SPAN, OperationMode
+from ...protocols.canopen.robotous import AXES
+from ...server.control.mechanism.model import Dynamics, Mechanism
+from ...server.control.spatial import GRAVITY, Array, Pose, skew
+from ...server.stability.judgement import PayloadBounds, payload_words
+from ...server.stability.loops import RATIOS, ForceLoop, delays, spectral_radius, stiffest_hand
 from .findings import Finding, Severity, graded
 
+# --- Check of the drives' bounds against the robot's, and of their resolution ---------------------
 QUANTISATION_NOTICE = 0.25
 """Part of the jerk bound that the encoder's steps may look like before it is worth a word [1]."""
 TORQUE_PER_MILLE_MAX = 32767
@@ -122,4 +133,225 @@ def _wraps(drive: DriveSection, base: DifferentialBaseSection, period_s: float) 
         f"wrap after {around:.4g} m; {fastest:.3g} counts/s at full speed, at most {HALF - 1} fit "
         "into 60FFh",
         {"wrap_m": around, "counts_per_second": fastest, "most": HALF - 1},
+    )
+
+
+# --- Check of enabling where the joints stand, and of the drives' timeouts ------------------------
+def enabling(cell: Cell) -> Iterator[Finding]:
+    """Judge the room of drives for a joint at its limit, and how long they take to let go."""
+    drives = {d.joint: d for d in cell.config.mechanism.drives}
+    for joint in cell.robot.joints:
+        if joint.name in cell.config.mechanism.wheels:
+            continue  # they have no limits
+        drive = drives[joint.name]
+        setpoint = Setpoint(drive, OperationMode.CSP)
+        for angle in (joint.lower - drive.following_window, joint.upper + drive.following_window):
+            try:
+                setpoint.raw(angle)
+            except ValueError as error:
+                yield Finding(
+                    f"{joint.name} room",
+                    Severity.ERROR,
+                    f"607Dh cannot reach a following window beyond the limit: {error}",
+                    {"angle": angle, "counts_per_radian": drive.counts_per_radian},
+                )
+    tightest = min(drives.values(), key=lambda d: d.position_margin)
+    margin, inside = tightest.position_margin, tightest.position_margin >= SAG
+    judgement = "still inside its limit" if inside else "outside its limit, and only comes in"
+    yield Finding(
+        "enabling at a limit",
+        Severity.OK if inside else Severity.WARN,
+        f"position_margin of {tightest.joint} is {margin:g} rad: a joint that sags by {SAG:g} rad "
+        f"when it is enabled is {judgement}",
+        {"joint": tightest.joint, "position_margin": margin, "sag": SAG},
+    )
+    slowest = max(drives.values(), key=lambda d: d.max_velocity / d.quick_stop_deceleration)
+    ramp_s = slowest.max_velocity / slowest.quick_stop_deceleration
+    yield Finding(
+        "switching off",
+        Severity.OK if ramp_s < SWITCH_OFF_S else Severity.ERROR,
+        f"{slowest.joint} takes {ramp_s:.2f} s to ramp down from full speed; a drive that is on "
+        f"{SWITCH_OFF_S:.2f} s after it was told to switch off is a fault",
+        {"joint": slowest.joint, "ramp_s": ramp_s, "patience_s": SWITCH_OFF_S},
+    )
+
+
+# --- What holds an arm and its load still, against what its motors and its sensor are made for ----
+ROOM = 0.5
+"""Part of a motor's torque, or a sensor's range, that holding still may take before it is worth a
+word [1]."""
+
+
+def holding(cell: Cell) -> Iterator[Finding]:
+    """Judge each posture of the cell under the heaviest of its payloads, by the URDF's masses.
+
+    And what the sensor reads of each payload, there and at any other attitude.
+    """
+    section, dynamics = cell.config.mechanism, dynamics_of(cell)
+    joints, sensor = Mechanism.from_cell(cell).joints, section.force_torque
+    payloads: dict[str, PayloadSection | None] = {"the URDF's tool": None}
+    if sensor is not None:
+        payloads |= {"its payload": sensor.payload} if sensor.payload.mass else {}
+        payloads |= {f"payload {name}": p for name, p in section.payloads.items()}
+    most = most_torques(cell)
+    worst: dict[str, tuple[float, int, str]] = {}
+    for load, payload in payloads.items():
+        if payload is not None:
+            dynamics.carry(payload.mass, np.array(payload.com))
+        for name, posture in section.postures.items():
+            share = np.abs(dynamics.bias(np.array(posture), np.zeros(len(joints)))) / most
+            j = int(np.argmax(share))
+            worst[name] = max(worst.get(name, (0.0, 0, load)), (float(share[j]), j, load))
+    for name, (taken, j, load) in worst.items():
+        yield Finding(
+            f"holding {name}",
+            graded(taken, ROOM, 1.0),
+            f"{joints[j]} takes {taken * most[j]:.3g} of {most[j]:g} N·m with {load}",
+            {"share": taken, "joint": joints[j]},
+        )
+    if sensor is not None:
+        at = {name: sensor_up(cell, np.array(q)) for name, q in section.postures.items()}
+        found = [
+            reading_finding(f"reading with {load}", sensor, weight_map(payload), at)
+            for load, payload in payloads.items()
+            if payload is not None
+        ]
+        # The heaviest reading stands for all that are well.
+        found.sort(key=lambda f: float(f.values["share"] or 0.0), reverse=True)
+        yield from (f for i, f in enumerate(found) if i == 0 or f.status is not Severity.OK)
+
+
+def dynamics_of(cell: Cell) -> Dynamics:
+    """Return the dynamics of one arm, with the links of the URDF for its tool."""
+    mechanism, sensor = Mechanism.from_cell(cell), cell.config.mechanism.force_torque
+    by_joint = {d.joint: d for d in cell.config.mechanism.drives}
+    rotors = np.array([by_joint[joint].rotor_inertia for joint in mechanism.joints])
+    return Dynamics(mechanism, rotors, None if sensor is None else placed(sensor))
+
+
+def most_torques(cell: Cell) -> Array:
+    """Return what each joint's motor has (n,) [N·m]."""
+    by_joint = {d.joint: d for d in cell.config.mechanism.drives}
+    return np.array([by_joint[j].max_torque for j in Mechanism.from_cell(cell).joints])
+
+
+def placed(sensor: ForceTorqueSection) -> Pose:
+    """Return where a sensor is in the Wrist."""
+    return Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy)
+
+
+def sensor_up(cell: Cell, q: Array) -> Array:
+    """Return the vertical (3,) in the axes of the arm's sensor at q (n,)."""
+    R_wrist_sensor = Pose.identity().R
+    if cell.config.mechanism.force_torque is not None:
+        R_wrist_sensor = placed(cell.config.mechanism.force_torque).R
+    up: Array = (Mechanism.from_cell(cell).pose_wrist(q).R @ R_wrist_sensor)[2]
+    return up
+
+
+def weight_map(payload: PayloadSection) -> Array:
+    """Return (6, 3): the wrench [N, N·m] that holds a payload, of the vertical in Sensor axes."""
+    weight = -payload.mass * float(GRAVITY[2])
+    return np.vstack([weight * np.eye(3), weight * skew(np.array(payload.com))])
+
+
+def reading_finding(
+    check: str, sensor: ForceTorqueSection, held: Array, at: Mapping[str, Array]
+) -> Finding:
+    """Judge what a sensor reads of a load against its measuring range.
+
+    `held` (6, 3) is the wrench that holds it, of the vertical in Sensor axes, which `at` has by the
+    names of postures.
+    """
+    reading_of = np.eye(6)
+    if sensor.calibration is not None:
+        reading_of = np.linalg.inv(np.array(sensor.calibration))
+    bias, most = np.abs(sensor.bias), np.array(sensor.measuring_range)
+    share, axis, where = 0.0, 0, ""
+    for name, up in at.items():
+        used = (np.abs(reading_of @ held @ up) + bias) / most
+        if used.max() >= share:
+            share, axis, where = float(used.max()), int(used.argmax()), f"at {name}"
+    status = graded(share, ROOM, 1.0)
+    turned = (np.linalg.norm(reading_of @ held, axis=1) + bias) / most
+    if turned.max() > 1.0 and status is not Severity.ERROR:
+        status, where = Severity.WARN, "at some attitude"
+        share, axis = float(turned.max()), int(turned.argmax())
+    unit = "N" if axis < 3 else "N·m"
+    return Finding(
+        check,
+        status,
+        f"{AXES[axis]} reads {share * most[axis]:.3g} of {most[axis]:.4g} {unit} {where}",
+        {"share": share, "axis": AXES[axis], "range": float(most[axis])},
+    )
+
+
+# --- Check of following a hand: the arm's delay, and the stiffest hand that it bears --------------
+COMFORT = 0.5
+"""Part of the bound above which a hand feels the arm swing [1]."""
+
+
+def following(cell: Cell) -> Iterator[Finding]:
+    """Judge the delay of following against the stiffest hand; nothing where it is switched off."""
+    source, mechanism = cell.config.sources.following, cell.config.mechanism
+    if not source.enabled or mechanism.force_torque is None:
+        return
+    parts = delays(cell)
+    lag_s = sum(parts.values()) * cell.config.timing.period_s
+    share = max(source.gain[:3])
+    yield Finding(
+        "following lag",
+        Severity.OK,
+        f"{lag_s * 1e3:.1f} ms behind the hand ("
+        + ", ".join(f"{part} {delay:.2f}" for part, delay in parts.items())
+        + f" periods), then M/B = {source.mass / source.damping * 1e3:g} ms",
+        {"lag_s": lag_s},
+    )
+    carried = {name: payload.mass for name, payload in payloads(cell).items()}
+    name, mass = max(carried.items(), key=lambda item: item[1])
+    # The heaviest one is felt latest.
+    turning = max(source.gain[3:]) * ForceLoop(cell).lever() ** 2
+    bound = stiffest_hand(cell, share, mass, turning)
+    yield Finding(
+        "following hand",
+        graded(source.stiffest_hand, COMFORT * bound, bound),
+        f"{source.stiffest_hand:g} N/m expected, stable below {bound:.3g} N/m with {name}",
+        {"stiffest_hand": source.stiffest_hand, "bound": bound},
+    )
+    heaviest = PayloadBounds(cell).following
+    yield Finding(
+        "following payload",
+        graded(mass, COMFORT * heaviest, heaviest),
+        f"{name} of {mass:g} kg, the tool stands by itself {payload_words(heaviest)} at M = "
+        f"{source.mass:g} kg, B = {source.damping:g} N·s/m",
+        {"payload": mass, "bound": heaviest},
+    )
+
+
+def payloads(cell: Cell) -> dict[str, PayloadSection]:
+    """Return all that a cell may carry by name."""
+    mechanism = cell.config.mechanism
+    own = {} if mechanism.force_torque is None else {"payload": mechanism.force_torque.payload}
+    return own | {f"payload {name}": p for name, p in mechanism.payloads.items()}
+
+
+# --- Stability of the torque law of drives in CST -------------------------------------------------
+SWIFT = 0.98
+"""Magnitude of a pole above which errors linger [1]."""
+
+
+def torque(cell: Cell) -> Iterator[Finding]:
+    """Judge the law of a cell in CST; nothing in the other modes."""
+    if cell.config.mechanism.operation_mode != "cst":
+        return
+    gains, period = cell.config.torque, cell.config.timing.period_s
+    radii = {ratio: spectral_radius(gains, period, ratio) for ratio in RATIOS}
+    worst = max(radii.values())
+    yield Finding(
+        "torque law",
+        graded(worst, SWIFT, 1.0),
+        "greatest pole "
+        + ", ".join(f"{r:.3f} at {ratio:g} × the modelled inertia" for ratio, r in radii.items())
+        + f", stable below 1; tool lags its command by {gains.lag_s * 1e3:g} ms as stated",
+        {"radius": worst, "lag_s": gains.lag_s},
     )

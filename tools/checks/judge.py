@@ -5,27 +5,12 @@ from dataclasses import replace
 from typing import Final
 
 from ...config.load import Cell
-from .arms import arms
-from .bus_load import bus_load
-from .drives import drives
-from .enabling import enabling
+from .cell import arms, bus_load, network, sampling, sensors, timing
+from .drives import drives, enabling, following, holding, torque
 from .findings import Finding
-from .holding import holding
-from .loops.following import following
-from .loops.joint_tasks import joint_tasks
-from .loops.reflection import reflection
-from .loops.stability import stability
-from .loops.torque import torque
-from .model.postures import postures
-from .model.starting import starting
-from .network import network
-from .rover.own_rays import own_rays
-from .rover.sight import sight
-from .rover.sweep import sweep
-from .rover.wheels import wheels
-from .sensors import sensors
-from .timing import sampling, timing
-from .tunnel import tunnel
+from .loops import joint_tasks, reflection, stability
+from .model import postures, starting, tunnel
+from .rover import own_rays, sight, sweep, wheels
 
 Check = Callable[[Cell], Iterator[Finding]]
 

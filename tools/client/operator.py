@@ -1,26 +1,454 @@
-"""Remote operator over Zenoh: `telerobot.Operator`, for a user's own scripts.
+"""`telerobot.Operator`: a cell in ten lines."""
 
-with Operator("pa10") as operator:
-    operator.acquire()
-    operator.enable()
-    operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
-
-Where the cell has several tasks, it leads the first; `operator.task(NAME)` leads another.
-"""
-
-from collections.abc import Callable, Iterator
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from ...drivers.network.session import REPLY_TIMEOUT_S
+from ...config.load import Cell, load_cell
+from ...drivers.network.identity import identity_of
+from ...drivers.network.session import REPLY_TIMEOUT_S, NotCertified, Session
 from ...protocols import topics as t
+from ...protocols.codec import CodecError, decode_as, encode
+from ...protocols.messages import messages as m
 from ...protocols.messages import requests
-from ...protocols.messages.telemetry import State, TaskState
-from .connection import Connection, OperatorError
-from .motions import Motions
-from .protocol_client import NoLease, OnReply
-from .task import TaskClient
+from ...protocols.messages.messages import MechanismCommand, Reflection, TaskCommand
+from ...protocols.messages.perception import RigMotion
+from ...protocols.messages.rig import RigFault
+from ...protocols.messages.telemetry import Description, Event, State, TaskDescription, TaskState
+from ...protocols.topics import Role
+from ...server.process import Clock, MonotonicClock
+from ..host.address import moved
+from .protocol_client import MessageCarrier, NoLease, OnReply, ProtocolClient, RoundTrip
 
+# --- Live connection of an operator to a daemon: session, telemetry, keepalive, streams, lease ----
+POLL_S = 0.002
+
+
+def ignore(_told: object) -> None:
+    """Take in what is told, and do nothing."""
+
+
+class OperatorError(Exception):
+    """The daemon refused, or did not answer: carries the reason by name."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+        self.detail = detail
+
+
+class Connection:
+    """A session that reads telemetry and sends what is due, inside `spin` and `turn`."""
+
+    def __init__(
+        self,
+        cell: str | Cell,
+        endpoint: str | None = None,
+        name: str = "operator",
+        identity: str | Path | None = None,
+    ) -> None:
+        loaded = cell if isinstance(cell, Cell) else load_cell(cell)
+        loaded = moved(loaded, endpoint=endpoint, identity=identity)
+        self.endpoint = loaded.config.zenoh.dialled
+        shown = identity_of(loaded, Role.OPERATOR, name)
+        try:
+            session = Session(loaded.config.name, self.endpoint, shown)
+        except ConnectionError as error:
+            raise OperatorError("no_daemon", str(error)) from None
+        self._begin(loaded, name, session, MonotonicClock())
+
+    def _begin(self, cell: Cell, name: str, session: MessageCarrier, clock: Clock) -> None:
+        """Listen to a cell's daemon over a line that is open."""
+        self.cell = cell.config.name
+        self.session, self.clock = session, clock
+        # Of what is true only now, the newest that can be read; junk between does not push it out.
+        depths = {t.STATE: 64, t.REFLECTION: 64, t.EVENT: 256, t.DESCRIPTION: 8}
+        self._inboxes = {topic: session.subscribe(topic, n) for topic, n in depths.items()}
+        self.client = ProtocolClient(name, self.cell, self._put, session.ask)
+        self.description: Description | None = None
+        """The daemon's description of its cell; comes within a second."""
+        self.round_trip = RoundTrip()
+        self.state_since_s: float | None = None
+        """Time of reading the newest state, on `clock` [s]."""
+        self.on_state: Callable[[State], None] = ignore
+        """Called with every state that is read."""
+        self.on_event: Callable[[Event], None] = ignore
+        """Called with every event that is read."""
+        self.on_reflection: Callable[[Reflection], None] = ignore
+        """Called with every force for the handle that is read; none come of most cells."""
+        self.reflection = cell.config.reflection
+        """Section `[reflection]` of the cell."""
+
+    @property
+    def state(self) -> State | None:
+        """The newest state that was read."""
+        return self.client.state
+
+    @property
+    def events(self) -> list[Event]:
+        """All events that were read."""
+        return self.client.events
+
+    @property
+    def holds_lease(self) -> bool:
+        """True from the grant of the lease until it is released or telemetry shows it lost."""
+        return self.client.secret is not None
+
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+        end = self.clock.now() + seconds
+        while True:
+            self.turn()
+            if until is not None and until():
+                return True
+            if self.clock.now() >= end:
+                return until is None
+            self._rest()
+
+    def turn(self) -> None:
+        """Read what came in and send what is due, once; waits for nothing."""
+        for topic, inbox in self._inboxes.items():
+            payloads = list(inbox.take())
+            if topic.life is not t.Life.STREAM:
+                for payload in payloads:
+                    self._take(topic, payload)
+            elif payloads:
+                any(self._take(topic, payload) for payload in reversed(payloads))
+        self.session.poll()
+        self.client.run(self.clock.now())
+
+    def inject(self, fault: RigFault | RigMotion) -> None:
+        """Inject a fault into the virtual hardware, or move what stands there."""
+        topic = t.RIG_MOTION if isinstance(fault, RigMotion) else t.RIG_FAULT
+        try:
+            self.session.put(topic, encode(fault))
+        except NotCertified as error:
+            raise OperatorError("not_certified", str(error)) from None
+
+    def close(self) -> None:
+        """End the session."""
+        self.session.close()
+
+    def _rest(self) -> None:
+        """Let a little time pass between two turns."""
+        time.sleep(POLL_S)
+
+    def _take(self, topic: t.Topic, payload: bytes) -> bool:
+        """Take in what was told; return False for what cannot be read."""
+        try:
+            message = decode_as(topic.message, payload, topic.max_bytes)
+        except CodecError:
+            return False  # another version's telemetry; commands would be refused by name
+        if isinstance(message, State):
+            self._take_state(message, self.clock.now())
+        elif isinstance(message, Reflection):
+            self.on_reflection(message)
+        elif isinstance(message, Event):
+            self.client.on_event(message)
+            self.on_event(message)
+        elif isinstance(message, Description):
+            self.description = message
+        return True
+
+    def _take_state(self, state: State, now_s: float) -> None:
+        self.client.on_state(state)
+        self.state_since_s = now_s
+        if self.holds_lease:
+            self.client.watch_lease(state)
+            self.round_trip.echoed(state.last_seq, now_s)
+        self.on_state(state)
+
+    def _put(self, topic: t.Topic, payload: bytes, proof: bytes) -> None:
+        self.round_trip.sent(topic.key, self.client.seq, self.clock.now())
+        self.session.put(topic, payload, proof)
+
+
+# --- Motions of a task: stick, targets, postures, paths, master, frames, the null space -----------
+class Motions(ABC):
+    """Base of a client that leads the motions of one task; subclasses say how it sends."""
+
+    @abstractmethod
+    def command(self, topic: t.Topic, **fields: Any) -> None:
+        """Send any command."""
+
+    @abstractmethod
+    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
+        """Send any request and return its reply."""
+
+    @abstractmethod
+    def stream(self, topic: t.Topic, **fields: Any) -> None:
+        """Keep sending a command at 100 Hz."""
+
+    @abstractmethod
+    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
+        """Fall silent on a topic, for a task or mechanism; without a name, for all."""
+
+    @abstractmethod
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+
+    @abstractmethod
+    def need_lease(self) -> None:
+        """Raise `OperatorError` without the lease."""
+
+    @abstractmethod
+    def task_state(self) -> TaskState | None:
+        """Return the newest state of the task."""
+
+    @property
+    @abstractmethod
+    def cell_state(self) -> State | None:
+        """The newest state of the cell."""
+
+    @property
+    @abstractmethod
+    def sent(self) -> int:
+        """Number of the newest message that was sent."""
+
+    def joystick(
+        self,
+        twist: Sequence[float],
+        seconds: float = 0.0,
+        expressed_in: str = "crf",
+        relative_to: str = "crf",
+    ) -> None:
+        """Stream a stick twist (6,) [m/s, rad/s] for a while; with `seconds` 0, until told
+        otherwise (and only while `spin` is called).
+
+        Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
+        what is no twist.
+        """
+        self.stream(
+            t.JOYSTICK,
+            twist=tuple(twist),
+            expressed_in=m.Frame(expressed_in),
+            relative_to=m.Frame(relative_to),
+        )
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(t.JOYSTICK)
+            self.need_lease()
+
+    def drive(self, speed: float, turn: float | None = None, seconds: float = 0.0) -> None:
+        """Drive a mechanism as a whole: a base on wheels, or an arm into its tunnels.
+
+        With a `turn`, a base goes ahead at `speed` [m/s] and turns to the left [rad/s]. Without,
+        an arm is inserted at `speed`, or withdrawn with a negative one. For a while; with `seconds`
+        0, until told otherwise (and only while `spin` is called). Raises as `joystick` does.
+        """
+        self.stream(t.DRIVE, rates=(speed,) if turn is None else (speed, turn))
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(t.DRIVE)
+            self.need_lease()
+
+    def insert(self, depth: float, speed: float | None = None) -> None:
+        """Insert or withdraw an arm until its tip is so far past the entrance [m].
+
+        Returns at once; `wait_goal` waits.
+        """
+        self.command(t.INSERT, depth=depth, speed=speed)
+
+    def move_to(
+        self, xyz: Sequence[float], rpy: Sequence[float], relative_to: str = "crf", **more: Any
+    ) -> None:
+        """Set a target pose of the MRF [m, rad]; returns at once."""
+        self.command(
+            t.POSITION, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=m.Frame(relative_to), **more
+        )
+
+    def posture(self, posture: str | Sequence[float]) -> None:
+        """Move to a joint posture, by name or angles [rad]; returns at once.
+
+        It ends when it is reached, or when the stick is moved; until then stick and target wait.
+        """
+        if isinstance(posture, str):
+            self.command(t.POSTURE, posture=posture)
+        else:
+            self.command(t.POSTURE, q=tuple(posture))
+
+    def store_view(self, camera: str | None = None) -> None:
+        """Make what a camera sees now the view that the vision source keeps.
+
+        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
+        nothing. The source moves nothing before it is switched on.
+        """
+        self.request(t.STORE_VIEW, camera=camera)
+
+    def cancel(self) -> None:
+        """Drop target, posture and desired wrench."""
+        self.command(t.CANCEL)
+
+    def wait_goal(self, timeout_s: float) -> bool:
+        """Wait until the goal that was set last is reached; return whether it was."""
+        seq = self.sent
+
+        def reached() -> bool:
+            cell, s = self.cell_state, self.task_state()
+            heard = cell is not None and max(cell.last_seq.values(), default=0) >= seq
+            return s is not None and heard and s.at_goal
+
+        return self.spin(timeout_s, reached)
+
+    def follow(
+        self,
+        waypoints: Sequence[Sequence[float]],
+        speeds: Sequence[float] = (),
+        blend: float = 0.0,
+        relative_to: str = "crf",
+        **more: Any,
+    ) -> None:
+        """Lead the tool through poses `[x, y, z, roll, pitch, yaw]` [m, rad]; returns at once.
+
+        `speeds` [m/s] is one for each, or none. With `blend` 0 it stops at each; else it turns to
+        the next within `blend` [m] of it.
+        """
+        self.command(
+            t.PATH,
+            waypoints=tuple(tuple(w) for w in waypoints),
+            speeds=tuple(speeds),
+            blend=blend,
+            relative_to=m.Frame(relative_to),
+            **more,
+        )
+
+    def follow_twists(
+        self,
+        twists: Sequence[Sequence[float]],
+        durations_s: Sequence[float],
+        expressed_in: str = "crf",
+    ) -> None:
+        """Move at twists (6,) [m/s, rad/s], each for its time [s]; returns at once."""
+        self.command(
+            t.PATH,
+            twists=tuple(tuple(twist) for twist in twists),
+            durations_s=tuple(durations_s),
+            expressed_in=m.Frame(expressed_in),
+        )
+
+    def pause_path(self) -> None:
+        """Let the path stand; a stick may shift the tool meanwhile, and it returns."""
+        self.request(t.PATH_CONTROL, action="pause")
+
+    def resume_path(self) -> None:
+        """Go on along a path that was paused."""
+        self.request(t.PATH_CONTROL, action="resume")
+
+    def abort_path(self) -> None:
+        """Give the path up; the tool comes to rest."""
+        self.request(t.PATH_CONTROL, action="abort")
+
+    def clutch(self, engaged: bool) -> None:
+        """Engage or disengage the master, stick and pose alike; the tool never jumps."""
+        self.request(t.CLUTCH, engaged=engaged)
+
+    def scale(self, translation: float | None = None, rotation: float | None = None) -> None:
+        """Scale the master's motion [1]; what is not given stays."""
+        self.request(t.CLUTCH, translation=translation, rotation=rotation)
+
+    def master_pose(
+        self, xyz: Sequence[float], rpy: Sequence[float], expressed_in: str = "crf"
+    ) -> None:
+        """Tell the master device's pose [m, rad], once; to be called at about 100 Hz."""
+        self.command(
+            t.MASTER_POSE, xyz=tuple(xyz), rpy=tuple(rpy), expressed_in=m.Frame(expressed_in)
+        )
+
+    def put_frame(
+        self,
+        frame: str,
+        xyz: Sequence[float] = (0.0, 0.0, 0.0),
+        rpy: Sequence[float] = (0.0, 0.0, 0.0),
+        relative_to: str | None = None,
+        **more: Any,
+    ) -> None:
+        """Redefine the "mrf" or the "crf"; nothing moves because of it.
+
+        By default a pose [m, rad] in the Wrist or in World; relative to another frame, as that is
+        now. `put_frame("crf", relative_to="mrf")` puts the CRF here. See `FrameRequest`.
+        """
+        there = None if relative_to is None else m.Frame(relative_to)
+        self.request(
+            t.FRAME, frame=frame, xyz=tuple(xyz), rpy=tuple(rpy), relative_to=there, **more
+        )
+
+    def redundancy(self, objective: str, gain: float, posture: str | None = None) -> None:
+        """Set a redundancy objective's gain, 0 for off."""
+        self.request(t.REDUNDANCY, objective=objective, gain=gain, posture=posture)
+
+
+# --- One task of a cell, led through an operator's session: what it sends names the task ----------
+class TaskClient(Motions):
+    """Leads a task; `operator.task(NAME)` makes one. Lease and mode are the operator's."""
+
+    def __init__(self, operator: Motions, description: TaskDescription) -> None:
+        self._operator = operator
+        self.description = description
+
+    @property
+    def name(self) -> str:
+        """Name of the task."""
+        return self.description.task
+
+    def command(self, topic: t.Topic, **fields: Any) -> None:
+        """Send any command for this task, or its mechanism. Raises as the operator's does."""
+        self._operator.command(topic, **self._named(topic), **fields)
+
+    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
+        """Send any request for this task, or its mechanism. Raises `OperatorError`."""
+        return self._operator.request(topic, **self._named(topic), **fields)
+
+    def stream(self, topic: t.Topic, **fields: Any) -> None:
+        """Keep sending a command for this task at 100 Hz. Raises as the operator's does."""
+        self._operator.stream(topic, **self._named(topic), **fields)
+
+    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
+        """Fall silent on a topic, for this task."""
+        for own in self._named(topic).values():
+            self._operator.end_stream(topic, named or own)
+
+    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
+        """Keep the session alive for a while, or until something holds; return whether it did."""
+        return self._operator.spin(seconds, until)
+
+    def need_lease(self) -> None:
+        """Raise `OperatorError` without the lease."""
+        self._operator.need_lease()
+
+    def task_state(self) -> TaskState | None:
+        """Return the newest state of the task."""
+        state = self.cell_state
+        return None if state is None else state.of(self.name)
+
+    @property
+    def cell_state(self) -> State | None:
+        """The newest state of the cell."""
+        return self._operator.cell_state
+
+    @property
+    def sent(self) -> int:
+        """Number of the newest message that was sent."""
+        return self._operator.sent
+
+    def _named(self, topic: t.Topic) -> dict[str, str]:
+        if issubclass(topic.message, TaskCommand):
+            return {"task": self.name}
+        if issubclass(topic.message, MechanismCommand):
+            return {"mechanism": self.description.mechanism}
+        return {}
+
+
+# --- Remote operator over Zenoh: `telerobot.Operator`, for a user's own scripts -------------------
+#
+# with Operator("pa10") as operator:
+#     operator.acquire()
+#     operator.enable()
+#     operator.joystick([0.02, 0, 0, 0, 0, 0], seconds=2.0)
+#
+# Where the cell has several tasks, it leads the first; `operator.task(NAME)` leads another.
 DESCRIBED_S = 2.0
 """A daemon describes its cell at least this often [s]."""
 

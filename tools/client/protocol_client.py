@@ -1,15 +1,10 @@
-"""Operator's side of the protocol, without a network: lease, sequence, freshness, streams.
-
-A `ProtocolClient` is given what comes in (`on_state`, `on_event`) and the time (`run`); it sends
-through two functions. `telerobot.Operator` puts Zenoh behind them, a simulation the cycle's own
-link.
-"""
+"""An operator's protocol, without a network or a clock: lease, proofs, streams, replies."""
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
@@ -17,6 +12,11 @@ from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
 from ...protocols.proof import KeyPair, prove, random_key
 
+# --- Operator's side of the protocol, without a network: lease, sequence, freshness, streams ------
+#
+# A `ProtocolClient` is given what comes in (`on_state`, `on_event`) and the time (`run`); it
+# sends through two functions. `telerobot.Operator` puts Zenoh behind them, a simulation the
+# cycle's own link.
 Put = Callable[[t.Topic, bytes, bytes], None]
 """Sends a command: topic, payload, proof of the lease."""
 Ask = Callable[[t.Topic, bytes, Callable[[bytes], None], bytes], None]
@@ -245,3 +245,76 @@ def _reply(payload: bytes) -> requests.Reply:
         return decode_as(requests.Reply, payload)
     except CodecError as error:
         return requests.Reply(ok=False, reason=error.reason, detail=error.detail[:500])
+
+
+# --- Carrier of an operator's messages: a Zenoh session, or a simulation's own link ---------------
+class Buffer(Protocol):
+    """Messages of one topic since the last look."""
+
+    def take(self) -> Iterator[bytes]:
+        """Yield the payloads that wait, oldest first."""
+        ...
+
+    def close(self) -> None:
+        """Listen no more."""
+        ...
+
+
+class MessageCarrier(Protocol):
+    """Carrier of an operator's messages, polled."""
+
+    @property
+    def shown(self) -> str | None:
+        """Common name of the certificate that is shown; None without one."""
+        ...
+
+    def subscribe(self, topic: t.Topic, depth: int) -> Buffer:
+        """Listen to a topic, keeping the newest `depth` messages between two looks."""
+        ...
+
+    def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
+        """Send a command."""
+        ...
+
+    def ask(
+        self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
+        """Send a request; `poll` hands its reply to `answer`."""
+        ...
+
+    def poll(self) -> None:
+        """Hand over the replies that have come."""
+        ...
+
+    def close(self) -> None:
+        """Close the line."""
+        ...
+
+
+# --- Round trip: from a command to the telemetry that shows it accepted. Pure ---------------------
+REMEMBERED = 512
+"""Commands per key whose echo is waited for [1]."""
+
+
+class RoundTrip:
+    """Pairs what was sent with the sequence numbers that telemetry echoes."""
+
+    def __init__(self) -> None:
+        self._sent: dict[str, deque[tuple[int, float]]] = {}
+        self.seconds: float | None = None
+        """From sending a command to seeing its echo, the newest one [s]; None before the first."""
+        self.heard_s: float | None = None
+        """Time of the newest echo [s]."""
+
+    def sent(self, key: str, seq: int, now_s: float) -> None:
+        """Note that a command was sent."""
+        self._sent.setdefault(key, deque(maxlen=REMEMBERED)).append((seq, now_s))
+
+    def echoed(self, last_seq: Mapping[str, int], now_s: float) -> None:
+        """Take in the newest accepted sequence number of every key."""
+        for key, seq in last_seq.items():
+            sent = self._sent.get(key, deque())
+            while sent and sent[0][0] <= seq:
+                number, since_s = sent.popleft()
+                if number == seq:
+                    self.seconds, self.heard_s = now_s - since_s, now_s

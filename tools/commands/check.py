@@ -12,7 +12,7 @@ from ...config.urdf.meshes import packages_of
 from ...drivers.device import DeviceError
 from ..checks.findings import Finding, Severity, failed, summary, table, to_json
 from ..checks.hardware.on_bus import on_bus
-from ..checks.hardware.profile import profile
+from ..checks.hardware.trial import profile
 from ..checks.judge import judge
 
 STANDS_OUT: Final = 5e-4
@@ -49,7 +49,7 @@ def _picture(cell: Cell, out: Path, packages: Sequence[str]) -> list[Finding]:
     if out.suffix not in (".png", ".svg") or not out.parent.is_dir():
         raise ConfigError(f"--picture: value '{out}': must end in .png or .svg, in a folder")
     try:
-        from ..recording.plot.link_shapes import covers, drawn
+        from ..recording.plot.scenes import covers, drawn
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise

@@ -12,14 +12,12 @@ from ...config.load import ConfigError, load_cell
 from ...drivers.network.identity import identity_of
 from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
-from ..client.connection import OperatorError
-from ..client.operator import Operator
+from ..client.operator import Operator, OperatorError
 from ..host.address import moved
-from ..host.claim import Claims, own_endpoint
-from ..host.local_plant import ChildDied, LocalPlant
-from ..host.recording import recording
-from ..operator.terminal.console import is_terminal
-from ..operator.web.of_demo import start_page
+from ..host.local_plant import ChildDied, LocalPlant, recording
+from ..host.machine import Claims, own_endpoint
+from ..operator.terminal import is_terminal
+from ..operator.web.cli import start_page
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
 from .drive import drive

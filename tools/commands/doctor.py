@@ -8,8 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from ...config.load import load_cell
+from ..checks.cell import network
 from ..checks.findings import Finding, Severity, failed, graded, summary, table, to_json
-from ..checks.network import network
 from ..host import machine
 
 PERIOD_S: Final = 0.002

@@ -8,13 +8,10 @@ from functools import partial
 
 from ...config.errors import printable
 from ...protocols.messages.telemetry import Event
-from ..client.connection import OperatorError, ignore
-from ..client.operator import Operator
+from ..client.operator import Operator, OperatorError, ignore
 from ..host.address import cell_from
-from ..operator.terminal.console import Console, is_terminal
-from ..operator.terminal.keyboard import Decoder
-from ..operator.terminal.teleop import KeyboardTeleop
-from ..operator.words.events import event_line
+from ..operator.terminal import Console, Decoder, KeyboardTeleop, is_terminal
+from ..operator.words import event_line
 from ..scripts.live_run import LiveRun
 from ..scripts.script import load_script
 

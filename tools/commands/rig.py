@@ -24,7 +24,7 @@ from ...drivers.rig.session import RigSession, ScannerServer
 from ...protocols.canopen import can301
 from ...protocols.topics import Role
 from ..host.address import cell_from
-from ..simulation.frame_sensors import FrameSensors
+from ..simulation.sensors import FrameSensors
 
 PRIORITY = 50
 """SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""

@@ -24,7 +24,7 @@ from ...protocols.topics import Role
 from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..host.address import cell_from
-from ..host.ending import until_told
+from ..host.local_plant import until_told
 
 STATES = 64
 """Unread telemetry that is kept [1]: a search takes some tenths of a second."""

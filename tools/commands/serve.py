@@ -5,7 +5,7 @@ import json
 
 from ...server.daemon import serve
 from ..host.address import cell_from
-from ..host.recording import recording
+from ..host.local_plant import recording
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from ...config.errors import printable
 from ..host.progress import SHOWN_AFTER_S
-from ..scripts.expectations import Expected
+from ..scripts.script import Expected
 from ..simulation.simulation import Simulation, simulate
 
 

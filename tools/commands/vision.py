@@ -18,7 +18,7 @@ from ...protocols import topics as t
 from ...protocols.messages.rig import RigTruth
 from ...protocols.topics import Role
 from ..host.address import cell_from
-from ..host.ending import until_told
+from ..host.local_plant import until_told
 
 
 class _Rendered:

@@ -1,4 +1,4 @@
-"""Private plant on this machine: rig and daemon as processes, apart from any other."""
+"""Processes of a cell on this machine: rig, daemon, page, recorder."""
 
 import ctypes
 import math
@@ -11,15 +11,17 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Self
 
 from ...config.errors import printable
 from ...config.load import Cell
 from .address import moved, options
 
+# --- Private plant on this machine: rig and daemon as processes, apart from any other -------------
 CLI = f"{__package__.removesuffix('.host')}.cli"
 POLL_S = 0.02
 TERMINATE_S = 8.0
@@ -246,3 +248,56 @@ def listens(port: int) -> bool:
 def _host_and_port(endpoint: str) -> tuple[str, int]:
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     return host, int(port)
+
+
+# --- A recorder beside a cell's daemon, as a process of its own -----------------------------------
+class LiveRecording:
+    """Records a cell into a folder while it is open; a context manager."""
+
+    def __init__(self, cell: Cell, folder: Path) -> None:
+        self._command = [sys.executable, "-m", CLI, "record", *options(cell), f"--out={folder}"]
+        self._child: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self._child = subprocess.Popen(
+            self._command,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
+            preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
+        )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._child is not None:
+            end(self._child)
+
+
+def recording(cell: Cell, folder: Path | None) -> AbstractContextManager[object]:
+    """Return what records a cell into a folder; for None, what does not."""
+    return nullcontext() if folder is None else LiveRecording(cell, folder)
+
+
+# --- End of a process that runs until it is told to, or for a while -------------------------------
+def until_told(seconds: float | None) -> Callable[[], bool]:
+    """Return a function that is True once SIGTERM or SIGINT came, or `seconds` have passed.
+
+    From here on the two signals end nothing by themselves; None: only they count.
+    """
+    asked: list[int] = []
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        asked.append(number)
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    end_s = None if seconds is None else time.monotonic() + seconds
+
+    def over() -> bool:
+        return bool(asked) or (end_s is not None and time.monotonic() > end_s)
+
+    return over

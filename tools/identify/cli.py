@@ -1,22 +1,320 @@
-"""`telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion."""
+"""`telerobot identify`: a guided motion of the wrist, and what it found."""
 
 import argparse
 import json
+import math
 import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from ...config.errors import printable
+import numpy as np
+
+from ...config.errors import ConfigError, nearest, printable
 from ...config.load import Cell
-from ..client.connection import OperatorError
-from ..client.operator import Operator
+from ...protocols import topics as t
+from ...protocols.messages import messages as m
+from ...protocols.messages import requests
+from ...protocols.messages.telemetry import State, TaskState
+from ...server.control.mechanism.model import Mechanism
+from ...server.control.spatial import Array, Pose
+from ..client.operator import Operator, OperatorError
+from ..client.protocol_client import NoLease, ProtocolClient
 from ..host.address import cell_from
-from .attitudes import AttitudeStop, attitudes
-from .estimate import NotIdentified
-from .guide import AttitudeMean
-from .report import as_dict, snippet, table
-from .run import identify, identify_simulated, judge
-from .subject import Subject, subject_of
+from ..scripts.player import Phase
+from ..scripts.script import Script
+from ..simulation.simulation import Simulation
+from .estimate import AttitudeStop, Estimate, NotIdentified, attitudes, estimate
 
 
+# --- Report of an identification: for people, for programs, for the cell file ---------------------
+def as_dict(cell: Cell, found: Estimate) -> dict[str, object]:
+    """Return the estimate as JSON's types."""
+    return {
+        "cell": cell.config.name,
+        "mass": found.mass,
+        "com": found.com.tolist(),
+        "bias": found.bias.tolist(),
+        "mounting_rpy": list(found.rpy()),
+        "mounting_known": found.mounting_known,
+        "calibration": None if found.calibration is None else found.calibration.tolist(),
+        "residual_force": found.residual.force,
+        "residual_moment": found.residual.moment,
+        "rigid_residual_force": found.rigid_residual.force,
+        "rigid_residual_moment": found.rigid_residual.moment,
+        "condition": found.condition,
+        "attitudes": found.attitudes,
+        "toml": snippet(cell, found),
+    }
+
+
+def table(found: Estimate) -> str:
+    """Return the estimate, a line each."""
+    degrees = [math.degrees(a) for a in found.rpy()]
+    mounting = f"rpy {_numbers(degrees, 2)} deg"
+    if not found.mounting_known:
+        mounting += ", the cell's own: the payload is too light to tell"
+    corrected = "needed" if found.calibration is not None else "not needed"
+    return "\n".join(
+        (
+            f"mass            {found.mass:.4f} kg",
+            f"centre of mass  {_numbers(found.com, 4)} m, in the Sensor frame",
+            f"bias            {_numbers(found.bias, 3)} N, N·m",
+            f"mounting        {mounting}",
+            f"cross-talk      correction {corrected}",
+            f"residual        {found.residual.force:.3f} N, {found.residual.moment:.4f} N·m "
+            f"(without correction {found.rigid_residual.force:.3f} N, "
+            f"{found.rigid_residual.moment:.4f} N·m)",
+            f"condition       {found.condition:.2f} from {found.attitudes} attitudes",
+        )
+    )
+
+
+def snippet(cell: Cell, found: Estimate) -> str:
+    """Return the lines of `[mechanism.force_torque]` that say what was found.
+
+    Of one of several they are for its own table in `[[mechanisms]]`.
+    """
+    sensor = cell.config.mechanism.force_torque
+    xyz = (0.0, 0.0, 0.0) if sensor is None else sensor.T_wrist_sensor.xyz
+    lines = [
+        f"[{cell.place.split('[')[0]}.force_torque]",
+        f"T_wrist_sensor = {{ xyz = {_numbers(xyz, 6)}, rpy = {_numbers(found.rpy(), 6)} }}",
+        f"payload = {{ mass = {found.mass:.5g}, com = {_numbers(found.com, 5)} }}",
+        f"bias = {_numbers(found.bias, 4)}",
+    ]
+    if found.calibration is not None:
+        rows = ",\n".join(f"  {_numbers(row, 6)}" for row in found.calibration)
+        lines.append(f"calibration = [\n{rows},\n]")
+    return "\n".join(lines)
+
+
+def _numbers(values: Iterable[float], digits: int) -> str:
+    numbers = [float(v) for v in values]
+    return "[" + ", ".join(f"{round(v, digits) + 0.0:.{digits}f}" for v in numbers) + "]"
+
+
+# --- The arm of a cell whose sensor is identified -------------------------------------------------
+class Subject(NamedTuple):
+    """One arm: its part of the cell, and where commands and states have it."""
+
+    part: Cell
+    mechanism: str | None
+    """Name for commands; None for the only one."""
+    task: str | None
+    joints: slice
+    """Its joints among all of the cell."""
+
+
+def subject_of(cell: Cell, mechanism: str | None) -> Subject:
+    """Return the mechanism of that name, or the only one. Raises `ConfigError`."""
+    parts = cell.parts
+    names = [part.config.mechanism.name for part in parts]
+    if mechanism is None:
+        if len(parts) > 1:
+            known = ", ".join(names)
+            raise ConfigError(f"{cell.path}: mechanisms: say which: --mechanism, one of {known}")
+        return Subject(cell, None, None, slice(None))
+    if mechanism not in names:
+        hint = nearest(mechanism, names)
+        raise ConfigError(f"{cell.path}: mechanisms: '{mechanism}': no such mechanism{hint}")
+    i = names.index(mechanism)
+    first = sum(len(part.robot.joints) for part in parts[:i])
+    joints = slice(first, first + len(parts[i].robot.joints))
+    return Subject(parts[i], mechanism, parts[i].task, joints)
+
+
+# --- Leads an arm through attitudes and averages its sensor in each; given every state ------------
+#
+# The same guide leads a real daemon, in wall time, and a simulated one, in virtual time: it
+# knows no clock but that of the states.
+SETTLE_S = 0.4
+"""From arrival until the sensor is believed [s]."""
+AVERAGE_S = 0.6
+"""The sensor is averaged for this long [s]."""
+ARRIVE_S = 30.0
+"""A posture that is not reached by then will not be [s]."""
+
+
+@dataclass
+class AttitudeMean:
+    """Means over one attitude."""
+
+    q: Array
+    """Measured joints (n,) [rad]."""
+    wrench: Array
+    """The sensor's reading, exerted sign (6,) [N, N·m]."""
+
+
+@dataclass
+class Guide:
+    """Goes from stop to stop. `say` is told, in a line, how far it is."""
+
+    client: ProtocolClient
+    stops: list[AttitudeStop]
+    say: Callable[[str], None] = lambda _line: None
+    subject: Subject | None = None
+    """The arm that it leads; None: the only one."""
+    samples: list[AttitudeMean] = field(default_factory=list)
+    failure: str = ""
+    """Reason of a failure."""
+    over: bool = False
+    _at: int = -1
+    _asked_seq: int = 0
+    _since_s: float = 0.0
+    _arrived_s: float | None = None
+    _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
+    _allowed: bool = False
+
+    def run(self, state: State) -> None:
+        """Take in a state: average, or go on to the next attitude."""
+        if self.over:
+            return
+        try:
+            self._run(state)
+        except NoLease as error:
+            self._fail(str(error))
+
+    def _run(self, state: State) -> None:
+        if state.mode != "enabled":
+            self._fail(f"mode became {state.mode}")
+        elif self._at < 0:
+            # Its weight is no contact to force control, and no push to collision detection.
+            self._at = 0
+            self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self._mechanism)
+        elif not self._allowed:
+            return
+        elif self._since_s == 0.0:
+            self._leave(state)
+        elif self._arrived_s is None:
+            self._travel(state)
+        elif state.time_s >= self._arrived_s + SETTLE_S:
+            self._listen(state)
+
+    def _on_told(self, reply: requests.Reply) -> None:
+        self._allowed = reply.ok
+        if not reply.ok:
+            self._fail(f"{reply.reason}: {reply.detail}")
+
+    def _leave(self, state: State) -> None:
+        q = tuple(self.stops[self._at].q.tolist())
+        self.client.command(t.POSTURE, q=q, mechanism=self._mechanism)
+        self._asked_seq, self._since_s = self.client.seq, state.time_s
+        self._arrived_s = None
+        self._heard.clear()
+
+    def _travel(self, state: State) -> None:
+        if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and self._of(state).at_goal:
+            self._arrived_s = state.time_s
+            if not self.stops[self._at].measure:
+                self._next()
+        elif state.time_s > self._since_s + ARRIVE_S:
+            self._fail(f"posture not reached within {ARRIVE_S:g} s")
+
+    def _listen(self, state: State) -> None:
+        wrench_sensor = self._of(state).wrench_sensor
+        if wrench_sensor is None:
+            self._fail("the force/torque sensor is stale or missing")
+            return
+        joints = slice(None) if self.subject is None else self.subject.joints
+        self._heard.append((state.q[joints], wrench_sensor))
+        if self._arrived_s is not None and state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
+            q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
+            self.samples.append(AttitudeMean(q, wrench))
+            wanted = sum(stop.measure for stop in self.stops)
+            self.say(f"attitude {len(self.samples)} of {wanted}")
+            self._next()
+
+    @property
+    def _mechanism(self) -> str | None:
+        return None if self.subject is None else self.subject.mechanism
+
+    def _of(self, state: State) -> TaskState:
+        return state.of(None if self.subject is None else self.subject.task)
+
+    def _next(self) -> None:
+        self._at += 1
+        self._since_s = 0.0
+        if self._at == len(self.stops):
+            self._end()
+
+    def _fail(self, why: str) -> None:
+        self.failure = why
+        self._end()
+
+    def _end(self) -> None:
+        self.over = True
+        if self._allowed:
+            self.say("force control waits until the payload is told (operator/payload), or a tare")
+
+
+# --- Identification from the first attitude to the estimate: on a daemon, or in virtual time ------
+LONGEST_S = 1800.0
+"""No identification takes longer [s]."""
+
+
+def identify(
+    operator: Operator,
+    stops: list[AttitudeStop],
+    say: Callable[[str], None],
+    subject: Subject | None = None,
+) -> list[AttitudeMean]:
+    """Lead a daemon's arm through the stops; needs the lease and an enabled arm.
+
+    Raises `NotIdentified` where it could not go on.
+    """
+    guide = Guide(operator.client, stops, say, subject)
+    operator.on_state = guide.run
+    try:
+        operator.spin(min(LONGEST_S, ARRIVE_S * len(stops)), lambda: guide.over)
+    finally:
+        operator.on_state = lambda _state: None
+    return _samples(guide)
+
+
+def identify_simulated(
+    cell: Cell,
+    stops: list[AttitudeStop],
+    say: Callable[[str], None] = lambda _line: None,
+    subject: Subject | None = None,
+) -> list[AttitudeMean]:
+    """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
+    simulation = Simulation(cell, Script(duration_s=LONGEST_S))
+    guide = Guide(simulation.player.client, stops, say, subject)
+
+    def after_tick(running: Simulation) -> None:
+        if running.player.phase is Phase.PLAYING:
+            guide.run(running.states[-1])
+            if guide.over:
+                running.player.phase = Phase.OVER
+
+    simulation.on_tick = after_tick
+    result = simulation.run()
+    failure = result.summary["failure"]
+    if failure is not None:
+        raise NotIdentified(str(failure))
+    return _samples(guide)
+
+
+def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
+    """Return what the samples tell. Raises `NotIdentified`."""
+    sensor = cell.config.mechanism.force_torque
+    if sensor is None:
+        raise NotIdentified("the cell has no force/torque sensor")
+    mechanism = Mechanism.from_cell(cell)
+    nominal = Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy)
+    attitudes = np.array([mechanism.pose_wrist(s.q).R for s in samples]).reshape(-1, 3, 3)
+    readings = np.array([s.wrench for s in samples]).reshape(-1, 6)
+    return estimate(attitudes, readings, nominal.R)
+
+
+def _samples(guide: Guide) -> list[AttitudeMean]:
+    if guide.failure or not guide.over:
+        raise NotIdentified(guide.failure or "it took too long")
+    return guide.samples
+
+
+# --- `telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion
 def run(args: argparse.Namespace) -> int:
     """Identify; print what was found and the lines for the cell. Raises `ConfigError`."""
     cell = cell_from(args)

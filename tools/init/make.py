@@ -1,11 +1,11 @@
-"""From a URDF to a cell: what can be read is read, what can be found is found."""
+"""A cell for an arm from its URDF: what is found, tried and written."""
 
 import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,17 +13,115 @@ from ...config.drives import greatest_inertias
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
 from ..checks.findings import Severity
-from ..checks.loops.stability import stability
-from .draft import Draft, text_of
-from .drives import HOLDS, cell_name, drive_of, range_of, set_strength
+from ..checks.loops import stability
+from .capsules import Array
+from .draft import HOLDS, Draft, cell_name, drive_of, path_from, range_of, set_strength, text_of
 from .robot import UrdfArm, beyond, carried_mass
-from .script import ScriptFigures
-from .script import text_of as script_of
-from .shape.shapes import Array
-from .study import GRANTED, GradedPosture, Solid, Study, by_design
-from .toml_text import path_from
-from .tool import BALL, ToolSide
+from .study import BALL, GRANTED, GradedPosture, Solid, Study, ToolSide, by_design
 
+# --- The default script of a cell that `init` makes: it moves, stops, and touches a wall ----------
+WITHIN = 0.2
+"""The push on the wall is expected within this part of what is asked for [1]."""
+
+
+class ScriptFigures(NamedTuple):
+    """Figures of the script's steps; in World."""
+
+    ready_s: float
+    """From `start` to `ready` [s]."""
+    aside: Array
+    """Twist (6,) of the stick [m/s]."""
+    target: tuple[Array, Array]
+    """Pose of the MRF: place [m], roll, pitch, yaw [rad]."""
+    target_s: float
+    forward: Array
+    """Direction of the wall (3,)."""
+    approach: tuple[float, float]
+    """Speed of the stick towards it [m/s], and how long [s]."""
+    press: float
+    """Speed of the stick that pushes [m/s]."""
+    force: float
+    """Force that follows from it [N]."""
+    press_s: float
+    """Time of the push [s]."""
+
+
+def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
+    """Return the script's file: of an only arm, which has no name here, or of several.
+
+    Each moves while the others stand at `ready`; the first one ends on the wall.
+    """
+    at = 0.2
+    steps = [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}') for arm in plans]
+    at += max(plan.ready_s for plan in plans.values())
+    first, *others = plans
+    for arm in (*others, first):
+        more, at = _moves(plans[arm], arm, at, stopped=arm == first)
+        steps += more
+    plan = plans[first]
+    speed, lasts = plan.approach
+    toward = np.concatenate([plan.forward, np.zeros(3)])
+    steps += [
+        "# into the wall: speed / force gain is the force that it settles at",
+        _stick(first, at, speed * toward),
+    ]
+    at += lasts
+    steps += [_stick(first, at, plan.press * toward)]
+    at += plan.press_s
+    words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
+    least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
+    head = [
+        f'description = "{words}"',
+        f"duration_s = {at:.1f}",
+        '\n[expect]\nmode = "enabled"',
+        f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n",
+    ]
+    return "\n".join([*head, *steps])
+
+
+def _moves(plan: ScriptFigures, arm: str, at: float, *, stopped: bool) -> tuple[list[str], float]:
+    """Return an arm's steps by stick and to a pose, and when they have ended."""
+    steps = [f"# aside by the stick{'; the verified stop while it moves; on' * stopped}"]
+    steps += [_stick(arm, at, plan.aside, 1.0)]
+    if stopped:
+        steps += [_step(at + 1.0, '"operator/mode" = { action = "hold" }')]
+        steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
+    at += 2.5
+    xyz, rpy = plan.target
+    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "world"'
+    task = _of(arm, "task")
+    steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {task}{pose} }}')]
+    at += plan.target_s
+    cancelled = f" {task.removesuffix(', ')} " if task else ""
+    steps += [_step(at, f'"cmd/cancel" = {{{cancelled}}}')]
+    steps += [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}')]
+    return steps, at + max(plan.ready_s, plan.target_s)
+
+
+def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:
+    told = f'{_of(arm, "task")}twist = {_six(twist)}, expressed_in = "world"'
+    return _step(at, f'"cmd/joystick" = {{ {told} }}', for_s)
+
+
+def _of(arm: str, key: str = "mechanism") -> str:
+    """Return the field that names one of several arms."""
+    return f'{key} = "{arm}", ' if arm else ""
+
+
+def _step(at: float, body: str, for_s: float | None = None) -> str:
+    lasts = "" if for_s is None else f"for_s = {for_s}\n"
+    return f"[[step]]\nat_s = {at:.2f}\n{lasts}{body}\n"
+
+
+def _six(twist: Array) -> str:
+    return _list(twist, 5)
+
+
+def _list(values: Array, digits: int = 5) -> str:
+    return "[" + ", ".join(f"{float(v) + 0.0:.{digits}f}" for v in values) + "]"
+
+
+# --- From a URDF to a cell: what can be read is read, what can be found is found ------------------
 TO_WALL: Final = 0.06
 """From the ball to the wall at `ready` [m]."""
 INTO_WALL: Final = 0.03
@@ -109,7 +207,7 @@ def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
         draft.urdf = path_from(out.parent, draft.arm.urdf)
         draft.script = f"./{stem}_script.toml"
     names = [draft.arm.name if len(drafts) > 1 else "" for draft in drafts]
-    script = script_of(dict(zip(names, plans, strict=True)), drafts[0].name)
+    script = script_text(dict(zip(names, plans, strict=True)), drafts[0].name)
     return Made(text_of(drafts, contacts), script, tuple(drafts), tuple(plans))
 
 

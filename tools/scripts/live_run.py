@@ -11,9 +11,8 @@ from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
 from ...server.control.spatial import Pose, rotation_log
-from ..client.connection import POLL_S, ignore
-from ..client.operator import Operator
-from ..operator.words.events import event_line
+from ..client.operator import POLL_S, Operator, ignore
+from ..operator.words import event_line
 from .player import Phase, Player
 from .script import Script
 

@@ -1,8 +1,12 @@
-"""Plays a script: sends its messages and runs its generators when their time has come."""
+"""Plays a script into a cell: operators, their lines' delays, and generators."""
 
+import heapq
+import random
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from enum import Enum, auto
+from functools import partial
 
 from ...config.schema.network import ReflectionSection
 from ...protocols import topics as t
@@ -14,15 +18,191 @@ from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
 from ...protocols.proof import random_key
 from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
-from .generators.insertion import InsertionMotion
-from .generators.obstacles import ObstacleMotions
-from .generators.tables import SCRIPT, MovingObstacle, Raw
-from .generators.targets import TargetMotion
-from .message import SPOKEN, TopicMessage
-from .operators import Operators
-from .script import Script
-from .step import Step
+from ..client.reflection import ReflectingClient
+from .generators import Handles, InsertionMotion, MasterHandle, ObstacleMotions, TargetMotion
+from .script import (
+    SCRIPT,
+    SPOKEN,
+    HandleMotion,
+    LinkConditions,
+    MovingMaster,
+    MovingObstacle,
+    Network,
+    Raw,
+    Script,
+    Step,
+    TopicMessage,
+)
 
+
+# --- Simulated connection of an operator: late, jittery, lossy, or cut ----------------------------
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of a connection."""
+
+    delay_s: float = 0.0
+    """One way, the same in both directions [s]."""
+    jitter: float = 0.0
+    """Part of the delay by which it varies to either side, each time anew [1]."""
+    loss: float = 0.0
+    """Part of what is sent that does not arrive [1]."""
+    cut: bool = False
+
+
+class DelayLine:
+    """Carries datagrams, of which the newest wins, and reliable messages, in order.
+
+    A datagram that is lost is gone, and so is one that a newer one of its stream has overtaken. A
+    reliable message that is lost is sent anew after a round trip, and holds up those behind it. The
+    line draws from its own seed: the same calls at the same times are carried alike.
+    """
+
+    def __init__(self, seed: int = 1, conditions: Conditions | None = None) -> None:
+        self._draw = random.Random(seed)
+        self._conditions = conditions or Conditions()
+        self._underway: list[tuple[float, int, str | None, Callable[[], None]]] = []
+        self._count = 0
+        self._newest: dict[str, int] = {}
+        self._reliable_s = 0.0
+
+    def set(self, conditions: Conditions) -> None:
+        """Carry under new conditions from now on; what is under way arrives as it was to."""
+        self._conditions = conditions
+
+    def carry(self, deliver: Callable[[], None], now_s: float, stream: str | None = None) -> None:
+        """Carry a datagram of a stream; or a reliable message, where none is named."""
+        now, self._count = self._conditions, self._count + 1
+        if now.cut:
+            return
+        arrival_s = now_s + self._way(now)
+        while now.loss and self._draw.random() < now.loss:
+            if stream is not None:
+                return
+            arrival_s += 2.0 * self._way(now)
+        if stream is None:
+            arrival_s = self._reliable_s = max(arrival_s, self._reliable_s)
+        if arrival_s <= now_s and not self._underway:
+            self._arrive(self._count, stream, deliver)
+        else:
+            heapq.heappush(self._underway, (arrival_s, self._count, stream, deliver))
+
+    def run(self, now_s: float) -> None:
+        """Deliver what has arrived by now."""
+        while self._underway and self._underway[0][0] <= now_s + 1e-9:
+            self._arrive(*heapq.heappop(self._underway)[1:])
+
+    def _way(self, now: Conditions) -> float:
+        if not now.jitter:
+            return now.delay_s
+        return now.delay_s * (1.0 + now.jitter * self._draw.uniform(-1.0, 1.0))
+
+    def _arrive(self, number: int, stream: str | None, deliver: Callable[[], None]) -> None:
+        if stream is not None:
+            if number < self._newest.get(stream, 0):
+                return
+            self._newest[stream] = number
+        deliver()
+
+
+# --- Operators of a script: each with a client, a connection of its own, and perhaps a handle -----
+class Operators:
+    """All operators of one script, by name; told the time and what the daemon sends."""
+
+    def __init__(
+        self,
+        cell: str,
+        put: Put,
+        ask: Ask,
+        network: Network,
+        reflection: ReflectionSection | None,
+        new_key: Callable[[], bytes],
+    ) -> None:
+        self.handles = Handles(reflection)
+        self._cell, self._put, self._ask, self._new_key = cell, put, ask, new_key
+        self._network = network
+        self._now_s = 0.0
+        self._lines: dict[str, DelayLine] = {}
+        self._clients: dict[str, ProtocolClient] = {}
+        self._masters: dict[str, MasterHandle] = {}
+
+    def __iter__(self) -> Iterator[ProtocolClient]:
+        return iter(self._clients.values())
+
+    def __getitem__(self, name: str) -> ProtocolClient:
+        """Return an operator's client; a new operator is connected first."""
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._connected(name)
+        return client
+
+    def on_state(self, state: State) -> None:
+        """Send a state down every operator's line."""
+        for client in self:
+            arrive = partial(self._arrive, client, state)
+            self._lines[client.name].carry(arrive, self._now_s, t.STATE.key)
+
+    def on_reflection(self, news: Reflection) -> None:
+        """Send the force of reflection down the line of every operator with a handle."""
+        for name, handle in self.handles.of_operator.items():
+            arrive = partial(self._feel, handle, news)
+            self._lines[name].carry(arrive, self._now_s, t.REFLECTION.key)
+
+    def receive(self, now_s: float) -> None:
+        """Deliver what has arrived on the lines by now."""
+        self._now_s = now_s
+        for line in self._lines.values():
+            line.run(now_s)
+
+    def run(self, now_s: float) -> None:
+        """Move all handles on, and send keepalives and streams that are due."""
+        self.handles.run(now_s)
+        for client in self:
+            client.run(now_s)
+
+    def connect(self, name: str, to: LinkConditions) -> None:
+        """Change an operator's connection; what is under way arrives as before."""
+        self._lines[name].set(Conditions(to.delay_s, to.jitter, to.loss, to.cut))
+
+    def move_master(self, name: str, step: MovingMaster) -> None:
+        """Move an operator's master device on at a twist, and stream its pose."""
+        master = self._masters.setdefault(name, MasterHandle())
+        master.move(step.twist, step.expressed_in, self._now_s)
+        self[name].stream_made(t.MASTER_POSE, master.fields)
+
+    def move_device(self, name: str, step: HandleMotion) -> None:
+        """Move an operator's reflecting handle. Raises `ValueError` in a cell without them."""
+        self.handles.take(step, self[name], self._now_s)
+
+    def _arrive(self, client: ProtocolClient, state: State) -> None:
+        client.on_state(state)
+        self.handles.on_state(client.name, state, self._now_s)
+
+    def _feel(self, handle: ReflectingClient, news: Reflection) -> None:
+        handle.on_reflection(news, self._now_s)
+
+    def _connected(self, name: str) -> ProtocolClient:
+        """Return a client whose connection is a line of its own, both ways."""
+        network = self._network
+        conditions = Conditions(0.5 * network.rtt_s, network.jitter, network.loss)
+        line = self._lines[name] = DelayLine(network.seed + len(self._lines), conditions)
+
+        def put(topic: t.Topic, payload: bytes, proof: bytes) -> None:
+            self.handles.sent(name, topic, client.seq, self._now_s)
+            line.carry(lambda: self._put(topic, payload, proof), self._now_s, topic.key)
+
+        def ask(
+            topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes
+        ) -> None:
+            def back(reply: bytes) -> None:
+                line.carry(lambda: answer(reply), self._now_s)
+
+            line.carry(lambda: self._ask(topic, payload, back, proof), self._now_s)
+
+        client = ProtocolClient(name, self._cell, put, ask, self._new_key)
+        return client
+
+
+# --- Plays a script: sends its messages and runs its generators when their time has come ----------
 Inject = Callable[[RigFault | RigMotion], None]
 """Gives the virtual hardware a message: a fault, or a motion of what stands there."""
 

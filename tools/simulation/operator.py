@@ -19,9 +19,7 @@ from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault
 from ..client.operator import Operator
 from ..scripts.script import Script
-from .memory_link import MemoryLink
-from .seeded_keys import seeded_keys
-from .simulation import Simulation
+from .simulation import MemoryLink, Simulation, seeded_keys
 
 NOBODY: Final = Script(duration_s=3600.0, auto_enable=False)
 """A script in which nobody does anything."""

@@ -1,58 +1,248 @@
-"""Daemon logic and rig in one process, in virtual time: deterministic, faster than real time.
-
-The same CAN frames go over an in-process bus, and the script's operator goes through the same
-codec, lease and mailboxes as a real one; only the network and the wall clock are missing, and
-telemetry is handed over as the message that it is.
-"""
+"""Daemon and virtual hardware in one process, in virtual time."""
 
 import hashlib
+import itertools
+import math
 import struct
 import sys
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from ...config.load import Cell, ConfigError, load_cell
-from ...drivers.bus import CanMessage
+from ...drivers.bus import CanMessage, Hub, InProcessBus
 from ...drivers.device import DeviceError
+from ...drivers.fieldbus import Fieldbus, Fieldbuses
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
-from ...protocols.messages.messages import Reflection
+from ...protocols.messages.messages import Message, Reflection
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
+from ...protocols.topics import TICK, Flow, Topic
 from ...server.daemon import build
+from ...server.operators.link import RawMessage, Receive, room
 from ...server.process import VirtualClock
 from ...server.recorder import BlackBox
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
-from ..scripts.script import Script, load_script
-from ..scripts.step import Step
-from .frame_sensors import SimulatedFrameSensors
-from .judges.base import base_figures
-from .judges.observer import Observer
-from .judges.payload import beam_figures
-from .judges.peg import PegJudge
-from .judges.posture import posture_figures
-from .judges.tool import ToolJudge
-from .judges.tunnel import TunnelJudge
-from .judges.view import ViewJudge
-from .memory_link import MemoryLink
-from .result import (
-    Result,
-    contact_force,
-    contact_peak,
-    event_rows,
-    least_between_arms,
-    least_clearance,
-    least_sight,
-    tick_times,
+from ..scripts.script import Expected, Script, Step, load_script
+from .judges import (
+    PegJudge,
+    ToolJudge,
+    TunnelJudge,
+    ViewJudge,
+    base_figures,
+    beam_figures,
+    posture_figures,
 )
-from .scans import SimulatedScans
-from .seeded_keys import seeded_keys
-from .virtual_buses import VirtualBuses
+from .observer import Observer
+from .sensors import SimulatedFrameSensors, SimulatedScans
 
+# --- Result of a simulation, and the figures of its JSON ------------------------------------------
+CONTACT_S = 1.0
+"""The contact force is the mean over this long before the end [s]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a simulation: the fields of its JSON, and the state of every tick."""
+
+    summary: dict[str, object]
+    states: tuple[State, ...]
+    truths: tuple[RigTruth, ...]
+    """The physics' truth after every tick."""
+    expected: tuple[Expected, ...] = ()
+    """What the script was to reach, beside what was found."""
+
+    @property
+    def ok(self) -> bool:
+        """True when the script was played, met what it expects, and no limit was violated."""
+        return (
+            self.summary["failure"] is None
+            and self.summary["limit_violations"] == 0
+            and all(row.met for row in self.expected)
+        )
+
+
+def event_rows(events: Sequence[Event]) -> list[dict[str, object]]:
+    """Return events as rows of JSON, `values` only where there are any."""
+    return [
+        {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
+        | ({"values": e.values} if e.values else {})
+        for e in events
+    ]
+
+
+def least_clearance(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between the arm and fixed things [m]; None without any."""
+    return min((t.clearance_m for t in truths if t.clearance_m is not None), default=None)
+
+
+def least_between_arms(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between arms [m], at most 1; None for one arm alone."""
+    return min((t.between_arms_m for t in truths if t.between_arms_m is not None), default=None)
+
+
+def least_sight(truths: Sequence[RigTruth]) -> float | None:
+    """Return the least distance between a link and a line of sight [m]; None without any."""
+    return min((d for t in truths for of in t.sight.values() for d in of.values()), default=None)
+
+
+def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
+    """Return the mean contact force of the last `CONTACT_S`, of the arm that presses most [N]."""
+    late = truths[-round(CONTACT_S / period_s) :]
+    names = late[0].arms if late else ()
+    sums = [math.fsum(truth.arms[name].contact_sum for truth in late) for name in names]
+    return max(sums, default=0.0) / max(len(late), 1)
+
+
+def contact_peak(truths: Sequence[RigTruth]) -> float:
+    """Return the greatest contact force of an arm in any physics step [N]."""
+    return max((arm.contact_peak for t in truths for arm in t.arms.values()), default=0.0)
+
+
+def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
+    """Return quantiles of the tick's computing time [µs]."""
+    micros = np.array(compute_s) * 1e6 if compute_s else np.zeros(1)
+    return {
+        "p50": round(float(np.percentile(micros, 50)), 1),
+        "p99": round(float(np.percentile(micros, 99)), 1),
+        "max": round(float(micros.max()), 1),
+    }
+
+
+# --- The CAN buses of a simulated cell: one in-process hub for each, in virtual time --------------
+PUMP_STEPS = 500
+"""A device that is silent for this many physics steps does not answer [1]."""
+
+Heard = Callable[[int, CanMessage], None]
+"""Called with the index of the bus and every frame on it."""
+
+
+class VirtualBuses:
+    """Joins daemon, rig and listeners on every bus.
+
+    `pump` lets virtual time pass while the daemon waits, as it may in BOOT: it is told to run until
+    a condition holds, for at most so many physics steps.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        clock: Callable[[], float],
+        pump: Callable[[Callable[[], bool], int], None],
+    ) -> None:
+        configs = cell.config.fieldbuses
+        self.hubs = tuple(Hub() for _ in configs)
+        ours = [InProcessBus(hub) for hub in self.hubs]
+        self.of_rig = tuple(InProcessBus(hub) for hub in self.hubs)
+        self.of_daemon = Fieldbuses(
+            *(Fieldbus(bus, clock, config.label) for bus, config in zip(ours, configs, strict=True))
+        )
+        for hub, bus in zip(self.hubs, ours, strict=True):
+            hub.pump = partial(pump, partial(_has_frames, bus), PUMP_STEPS)
+
+    def listen(self, heard: Heard) -> None:
+        """Tell of every frame from now on, whoever sends it."""
+        for i, hub in enumerate(self.hubs):
+            InProcessBus(hub, partial(heard, i))
+
+    def listen_to_daemon(self, heard: Callable[[int, int, bytes], None]) -> None:
+        """Tell index of the bus, identifier and data of every frame that the daemon sends."""
+        for i, fieldbus in enumerate(self.of_daemon):
+            fieldbus.taps.append(partial(heard, i))
+
+    def set_time(self, time_s: float) -> None:
+        """Set the time that frames are stamped with [s]."""
+        for hub in self.hubs:
+            hub.time_s = time_s
+
+    def close(self) -> None:
+        """Let every member leave."""
+        for hub in self.hubs:
+            hub.close()
+
+
+def _has_frames(bus: InProcessBus) -> bool:
+    return bus.waiting > 0
+
+
+# --- An operators' network in one process, for simulation: no Zenoh, commands are the same bytes
+class MemoryLink:
+    """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
+
+    def __init__(self) -> None:
+        self._rings: dict[str, deque[RawMessage]] = {}
+        self._listeners: list[Callable[[Topic, Message], None]] = []
+
+    def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
+        """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
+        if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
+            raise ValueError(f"{topic.key} is no command")
+        self._ring(topic).append(RawMessage(payload, proof, sender=topic.sender))
+
+    def ask(
+        self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
+        """Send a request as an operator; `answer` is called with the reply's bytes."""
+        if topic.flow is not Flow.REQUEST:
+            raise ValueError(f"{topic.key} is no request")
+
+        def reply(content: bytes | None) -> None:
+            if content is not None:
+                answer(content)
+
+        self._ring(topic).append(RawMessage(payload, proof, reply))
+
+    def listen(self, listener: Callable[[Topic, Message], None]) -> None:
+        """Hand all telemetry to a listener as it is published; messages are not encoded."""
+        self._listeners.append(listener)
+
+    def room(self, topic: Topic) -> int:
+        """Return how many messages of a topic wait at most."""
+        return room(topic)
+
+    def source(self, topic: Topic) -> Receive:
+        """Return what takes the messages of a topic, one at a time."""
+        ring = self._ring(topic)
+        return lambda: ring.popleft() if ring else None
+
+    def publish(self, topic: Topic, message: Message) -> None:
+        """Send telemetry."""
+        for listener in self._listeners:
+            listener(topic, message)
+
+    def heard(self, topic: Topic) -> bool:
+        """Return whether anybody listens; nobody to ticks, which a recorder has from the cycle."""
+        return bool(self._listeners) and topic is not TICK
+
+    def close(self) -> None:
+        """Forget everybody."""
+        self._listeners.clear()
+
+    def _ring(self, topic: Topic) -> deque[RawMessage]:
+        return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))
+
+
+# --- Keys for simulations, equal in equal runs. Real ones come from `protocols.agreement` ---------
+def seeded_keys(owner: str) -> Callable[[], bytes]:
+    """Return a source of 32 bytes at a time, the same in every run."""
+    numbers = itertools.count(1)
+    return lambda: hashlib.sha256(f"{owner} {next(numbers)}".encode()).digest()
+
+
+# --- Daemon logic and rig in one process, in virtual time: deterministic, faster than real time ---
+#
+# The same CAN frames go over an in-process bus, and the script's operator goes through the same
+# codec, lease and mailboxes as a real one; only the network and the wall clock are missing, and
+# telemetry is handed over as the message that it is.
 ENABLE_WITHIN_S = 10.0
 """A script whose arm is not enabled by then has failed [s]."""
 

@@ -1,25 +1,165 @@
-"""`telerobot soak CELL`: hostile operators against a cell, in virtual time, from seeds.
-
-They hold every lever at once, ask for what cannot be, change gains and frames while the arm moves,
-fall silent and come back, and sensors fail beside them. No bound may be broken on the bus, and no
-fault may come but by what the arm ran into. The cell is taken as its file says it is.
-"""
+"""`telerobot soak`: hostile operators against one's own cell."""
 
 import argparse
-from dataclasses import dataclass
+import math
+from collections import deque
+from dataclasses import dataclass, field
 from functools import partial
+from typing import Final
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from ...config.errors import ConfigError
 from ...config.load import load_cell
+from ...config.schema.surroundings import CameraSection
+from ...protocols.codec import encode
+from ...protocols.messages.perception import PoseVector, Sighting
+from ...protocols.messages.telemetry import Event
+from ...protocols.topics import SIGHTING
+from ...server.control.spatial import Pose, rotation_exp
 from ..host import jobs
+from ..simulation.judges import ViewJudge
 from ..simulation.simulation import Simulation
-from .hostile import script
-from .sights import ComputedSights
-from .touches import Touches
+from .segments import script
+
+# --- Cameras without rendering: sightings are computed, and told late, wrong or not at all --------
+#
+# The tag's true pose in the Lens, with noise, at each camera's rate and latency. A tag that is
+# covered, out of the picture or turned away is not seen. Some sightings come far too late, some
+# leap to where no tag is, as a misread picture's would.
+NOISE = (5e-4, 3e-3)
+"""Standard deviation of a seen pose [m], [rad]."""
+LATE, LATE_S = 0.05, 0.6
+"""Part of the sightings that come late [1], by at most this [s]."""
+LEAPING, LEAP = 0.03, 0.2
+"""Part of the sightings that leap [1], by at most this along each axis [m]."""
+FACING = 0.3
+"""A tag is seen up to where its face is this much turned to the Lens: the cosine [1]."""
 
 
+@dataclass
+class _Eye:
+    camera: CameraSection
+    due_s: float = 0.0
+    underway: deque[tuple[float, bytes]] = field(default_factory=deque)
+    """Arrival of each sighting [s], and its bytes."""
+
+
+class ComputedSights:
+    """All cameras of a simulated cell; equal seeds see equally."""
+
+    def __init__(self, simulation: Simulation, seed: int) -> None:
+        cell = simulation.cell
+        rig = cell.config.rig
+        self._simulation = simulation
+        self._judge = ViewJudge(cell)
+        self._names = {t.tag: t.name for t in (rig.tags if rig is not None else ())}
+        self._eyes = [_Eye(camera) for camera in cell.config.cameras]
+        self._draw = np.random.default_rng([seed, *b"sights"])
+
+    def run(self, now_s: float, tick: int) -> None:
+        """Hand over what has arrived by `now_s`, and look at what is exposed at SYNC `tick`."""
+        for eye in self._eyes:
+            while eye.underway and eye.underway[0][0] <= now_s + 1e-9:
+                self._simulation.link.put(SIGHTING, eye.underway.popleft()[1])
+            if now_s < eye.due_s - 1e-9:
+                continue
+            eye.due_s = now_s + 1.0 / eye.camera.rate_hz
+            late_s = self._draw.uniform(0.0, LATE_S) if self._draw.random() < LATE else 0.0
+            arrives_s = now_s + eye.camera.latency_s + late_s
+            eye.underway.append((arrives_s, encode(self._look(eye.camera, tick))))
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+    def _look(self, camera: CameraSection, tick: int) -> Sighting:
+        truths = self._simulation.truths
+        seen = self._judge.view(truths[-1], camera.name) if truths else None
+        if (
+            seen is None
+            or self._names[camera.tag] in truths[-1].covered
+            or not _shown(camera, seen)
+        ):
+            return Sighting(camera=camera.name, tick=tick)
+        metres, radians = NOISE
+        p = seen.p + self._draw.normal(0.0, metres, 3)
+        if self._draw.random() < LEAPING:
+            p = p + self._draw.uniform(-LEAP, LEAP, 3)
+        R = rotation_exp(self._draw.normal(0.0, radians, 3)) @ seen.R
+        pose: PoseVector = Pose(R, p).to_xyz_rpy()
+        return Sighting(camera=camera.name, tick=tick, poses=(pose,), errors_px=(0.3,), quality=0.9)
+
+
+def _shown(camera: CameraSection, seen: Pose) -> bool:
+    """Return whether a tag's middle is in the picture, and its face turned to the Lens."""
+    x, y, z = seen.p.tolist()
+    if z <= 0.0:
+        return False
+    column, row = (
+        c + f * w / z for c, f, w in zip(camera.centre, camera.focal, (x, y), strict=True)
+    )
+    inside = 0.0 <= column < camera.size[0] and 0.0 <= row < camera.size[1]
+    facing = -float(seen.R[:, 2] @ seen.p) / math.sqrt(float(seen.p @ seen.p))
+    return inside and facing > FACING
+
+
+# --- What arms run into, step by step of the physics, and which faults that explains --------------
+#
+# A joint that meets something nobody told of, faster than the leash can stop it, falls behind
+# its command: a quick stop by the table of stops. Any other cause of a fault, and any fault
+# that no touch goes before, has another reason, whatever was touched earlier in the run.
+FELT_N: Final = 5.0
+"""Contact force from which a touch can hold a joint up [N]."""
+SINCE_S: Final = 0.5
+"""A fault so long after a touch is explained by it [s]."""
+EXCUSED: Final = ("following_error",)
+"""Causes of faults that a touch explains: the command and a joint come apart."""
+
+
+class Touches:
+    """Watches a simulation that is yet to run; takes its `on_physics`."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.most_n = 0.0
+        """Greatest force on what stands around, or between parts of arms [N]."""
+        self._simulation = simulation
+        self._times: list[float] = []
+        simulation.on_physics = self._look
+
+    @property
+    def felt(self) -> bool:
+        """True once a touch could hold a joint up."""
+        return bool(self._times)
+
+    def explain(self, event: Event) -> bool:
+        """Return whether an event is a fault that a touch just before it explains."""
+        if event.name != "fault" or event.values.get("cause") not in EXCUSED:
+            return False
+        return any(0.0 <= event.time_s - at_s <= SINCE_S for at_s in self._times)
+
+    def unexplained(self) -> list[str]:
+        """Return the errors of the run so far that no touch explains, a line each."""
+        return [
+            f"{event.name} at {event.time_s:.2f} s: {event.detail}"
+            for event in self._simulation.events
+            if event.severity == "error" and not self.explain(event)
+        ]
+
+    def _look(self, simulation: Simulation) -> None:
+        force = simulation.rig.world.contacts.greatest()
+        self.most_n = max(self.most_n, force)
+        now_s = simulation.clock.time_s
+        if force > FELT_N and (not self._times or now_s > self._times[-1]):
+            self._times.append(now_s)
+
+
+# --- `telerobot soak CELL`: hostile operators against a cell, in virtual time, from seeds ---------
+#
+# They hold every lever at once, ask for what cannot be, change gains and frames while the arm
+# moves, fall silent and come back, and sensors fail beside them. No bound may be broken on the
+# bus, and no fault may come but by what the arm ran into. The cell is taken as its file says it
+# is.
 @dataclass(frozen=True)
 class Soaked:
     """The run of one seed; plain values."""

@@ -28,8 +28,7 @@ from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import State
 from telerobot.server.control.spatial import Array
 from telerobot.tools.bench.figures import Figures, percentiles
-from telerobot.tools.bench.latency import Targets
-from telerobot.tools.bench.plant import FrameListener, without_self_motion
+from telerobot.tools.bench.latency import FrameListener, Targets, without_self_motion
 from telerobot.tools.host.local_plant import LocalPlant, free_port, listens
 
 from .browser import FLAGS as BROWSER_FLAGS

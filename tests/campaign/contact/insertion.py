@@ -21,7 +21,7 @@ from laboratory.oracle.poses import rotation
 from telerobot.config.load import Cell, ConfigError, altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import load_script
-from telerobot.tools.simulation.judges.peg import PegJudge
+from telerobot.tools.simulation.judges import PegJudge
 from telerobot.tools.simulation.simulation import Simulation
 
 CELL = "pa10_peg"

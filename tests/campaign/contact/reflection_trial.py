@@ -11,7 +11,7 @@ import numpy as np
 from telerobot.config.load import Cell, altered
 from telerobot.protocols import topics as t
 from telerobot.server.reflection import pose_stiffness
-from telerobot.tools.reflect.linkage import Array
+from telerobot.tools.client.reflection import Array
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 

@@ -17,8 +17,7 @@ from telerobot.server.mode import Mode
 from telerobot.tools.client.protocol_client import ANYBODY, NoLease
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.sights import ComputedSights
-from telerobot.tools.soak.touches import Touches
+from telerobot.tools.soak.cli import ComputedSights, Touches
 
 from .inputs.stranger import KEPT, Stranger
 from .inputs.values import ENVELOPE

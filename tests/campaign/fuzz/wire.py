@@ -10,8 +10,7 @@ from pathlib import Path
 from telerobot.config.load import load_cell
 from telerobot.drivers.network.session import Session
 from telerobot.protocols.topics import Flow
-from telerobot.tools.client.connection import OperatorError
-from telerobot.tools.client.operator import Operator
+from telerobot.tools.client.operator import Operator, OperatorError
 from telerobot.tools.host.local_plant import ChildDied, LocalPlant
 
 from .inputs.stranger import Stranger

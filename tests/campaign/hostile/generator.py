@@ -16,13 +16,10 @@ import numpy as np
 from laboratory.oracle.feasible import GoalJudge
 from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell, altered
-from telerobot.tools.scripts.script import Script
-from telerobot.tools.scripts.step import Step
-from telerobot.tools.soak import grounds
-from telerobot.tools.soak.equipment import OPENING_S, with_gripper
-from telerobot.tools.soak.hostile import HOSTILE_S, RESTORE_S, hostile, opened, restored
-from telerobot.tools.soak.segments import schedules
-from telerobot.tools.soak.steps import Draw, step
+from telerobot.tools.scripts.script import Script, Step
+from telerobot.tools.soak import equipment
+from telerobot.tools.soak.equipment import OPENING_S, Draw, step, with_gripper
+from telerobot.tools.soak.segments import HOSTILE_S, RESTORE_S, hostile, opened, restored, schedules
 
 POSTURE_S = 7.0
 """A posture is reached within this time from wherever the hostile part ends, also where the tool
@@ -82,7 +79,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
     if draw.random() < GRIPPING:
         cell = with_gripper(draw, cell)
     if draw.random() < MOVING:
-        cell = grounds.with_moving(draw, cell)
+        cell = equipment.with_moving(draw, cell)
     judge = GoalJudge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
     steps = hostile(draw, cell, end_s) + restored(cell, end_s)

@@ -14,10 +14,10 @@ from typing import Final
 from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
 from telerobot.server.recorder import MEMORY, TICK, KeptTick, Stamped, joined, pack_memories
-from telerobot.tools.recording.replay.replay import Judgement, Replay
+from telerobot.tools.recording.replay import Judgement, Replay
 from telerobot.tools.recording.run_file import read_cell
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.sights import ComputedSights
+from telerobot.tools.soak.cli import ComputedSights
 
 from ..part import Part, Selection
 from ..runs import Runs

@@ -11,10 +11,9 @@ from laboratory.oracle.poses import Array, difference, matrix
 from telerobot.config.load import load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.protocols.messages.rig import RigTruth
-from telerobot.tools.simulation.judges.tool import JUDGED_S
+from telerobot.tools.simulation.judges import JUDGED_S
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.sights import ComputedSights
-from telerobot.tools.soak.touches import Touches
+from telerobot.tools.soak.cli import ComputedSights, Touches
 
 from .generator import Goal, HostilePlan, generate
 

@@ -16,10 +16,9 @@ from telerobot.config.load import Cell
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.config.schema.sources import SOURCES
 from telerobot.protocols.messages.messages import Frame
-from telerobot.tools.scripts.script import Script
-from telerobot.tools.scripts.step import Step
-from telerobot.tools.soak import equipment, grounds, segments
-from telerobot.tools.soak.steps import Draw, step
+from telerobot.tools.scripts.script import Script, Step
+from telerobot.tools.soak import equipment, segments
+from telerobot.tools.soak.equipment import Draw, step
 
 WILD_S = 12.0
 """Length of a run [s]."""
@@ -62,7 +61,7 @@ def equipped(cell: Cell, seed: int) -> Cell:
     if draw.random() < 0.3:
         cell = equipment.with_gripper(draw, cell)
     if draw.random() < 0.2 and not cell.config.frames.moving:
-        cell = grounds.with_moving(draw, cell)
+        cell = equipment.with_moving(draw, cell)
     return replace(cell)
 
 
@@ -225,5 +224,5 @@ def _watch(draw: Draw, cell: Cell) -> dict[str, Any]:
 
 
 def _ground(draw: Draw, cell: Cell) -> dict[str, Any]:
-    found = grounds.disturbances(draw, cell)
+    found = equipment.ground_disturbances(draw, cell)
     return found[int(draw.integers(len(found)))][0]

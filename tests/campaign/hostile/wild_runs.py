@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 
 from telerobot.config.load import load_cell
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.sights import ComputedSights
-from telerobot.tools.soak.touches import Touches
+from telerobot.tools.soak.cli import ComputedSights, Touches
 
 from ..part import Part, Selection
 from ..runs import Runs

@@ -27,9 +27,8 @@ from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
-from telerobot.tools.scripts.script import Script
-from telerobot.tools.scripts.step import Step
-from telerobot.tools.soak.steps import step
+from telerobot.tools.scripts.script import Script, Step
+from telerobot.tools.soak.equipment import step
 
 from .movers import RandomMover, mover
 

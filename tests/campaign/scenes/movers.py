@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import Cell
 from telerobot.config.schema.surroundings import ObstacleSection
-from telerobot.tools.scripts.generators.tables import MovingObstacle
+from telerobot.tools.scripts.script import MovingObstacle
 from telerobot.tools.simulation.simulation import Simulation
 
 Vector = NDArray[np.float64]

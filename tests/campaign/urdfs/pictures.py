@@ -9,7 +9,7 @@ from typing import Final
 from telerobot.config.load import Cell
 from telerobot.tools.operator.web.scene import scene_of
 from telerobot.tools.operator.web.vendor.fetch import missing
-from telerobot.tools.simulation.result import Result
+from telerobot.tools.simulation.simulation import Result
 
 from ...equipment.pictures.moments import TRAIL_S, Moment, Run
 

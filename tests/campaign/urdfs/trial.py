@@ -19,9 +19,8 @@ from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import TO_WALL, Made, make
 from telerobot.tools.init.robot import read_arms
-from telerobot.tools.init.tool import BALL
-from telerobot.tools.simulation.result import Result
-from telerobot.tools.simulation.simulation import simulate
+from telerobot.tools.init.study import BALL
+from telerobot.tools.simulation.simulation import Result, simulate
 
 from .pictures import look
 

@@ -9,9 +9,8 @@ from telerobot.drivers.device import DeviceError
 from telerobot.drivers.rig.nodes.canopen import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
-from telerobot.tools.checks.hardware.rule import Rule, RuleOutcome
 from telerobot.tools.checks.hardware.trial import rules, try_drive
-from telerobot.tools.checks.hardware.tried_drive import TriedDrive
+from telerobot.tools.checks.hardware.tried_drive import Rule, RuleOutcome, TriedDrive
 
 from ..rig.on_a_bus import OnABus
 

@@ -7,7 +7,7 @@ import zenoh
 from telerobot.drivers.network.certificates import certificate, read
 from telerobot.drivers.network.identity import Identity
 from telerobot.protocols.roles import Grant
-from telerobot.tools.certify.authority import Authority
+from telerobot.tools.commands.certify import Authority
 
 HOSTS = ("localhost", "127.0.0.1", "::1")
 ALL_SENSORS = tuple(f"pa10/sensor/{of}" for of in ("vision", "obstacle", "contour", "frame"))

@@ -10,7 +10,7 @@ from telerobot.drivers.kinds import make_drivers
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.server.plant import Plant
-from telerobot.tools.simulation.virtual_buses import VirtualBuses
+from telerobot.tools.simulation.simulation import VirtualBuses
 
 PERIOD_S = 0.01
 APART = (2.0, 1.0)

@@ -14,7 +14,7 @@ from telerobot.protocols.messages.perception import (
     ScanPoints,
 )
 from telerobot.server.perception.scanning.scanning import Looked
-from telerobot.tools.operator.web.pages.surroundings import (
+from telerobot.tools.operator.web.streams import (
     told_contour,
     told_obstacle,
     told_picture,

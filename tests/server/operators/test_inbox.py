@@ -19,7 +19,7 @@ from telerobot.server.operators.inbox import ANSWERED, PART, Inbox
 from telerobot.server.operators.link import RING
 from telerobot.server.operators.link import RawMessage as Asked
 from telerobot.server.refusals import Why
-from telerobot.tools.simulation.memory_link import MemoryLink
+from telerobot.tools.simulation.simulation import MemoryLink
 
 CELL, SECRET, PERIOD_S = "cell", b"s" * 32, 0.01
 NEEDS_PROOF = [x for x in (*t.COMMANDS, *t.REQUESTS) if x.needs_proof]

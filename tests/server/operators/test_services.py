@@ -20,7 +20,7 @@ from telerobot.server.operators.inbox import QueuedMessage, refusal_reply
 from telerobot.server.operators.requests import ENABLE_TIMEOUT_S, RequestContext, Services
 from telerobot.server.refusals import Refused, Why
 from telerobot.server.units.units import Units
-from telerobot.tools.simulation.seeded_keys import seeded_keys
+from telerobot.tools.simulation.simulation import seeded_keys
 
 CELL = "cell"
 OPENS = b"o" * 32

@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.load import HERE, altered, load_cell, shipped
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.stability.loops import bound, filter_periods, jerk_lag_s
-from telerobot.tools.checks.bus_load import worst_case_bits
+from telerobot.tools.checks.cell import worst_case_bits
 from telerobot.tools.checks.drives import drives
 from telerobot.tools.checks.findings import Severity, failed
 from telerobot.tools.checks.judge import judge

@@ -4,13 +4,10 @@ import math
 
 import pytest
 from telerobot.config.load import HERE, load_cell
-from telerobot.tools.checks.bus_load import bus_load, worst_case_bits
+from telerobot.tools.checks.cell import bus_load, worst_case_bits
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
-from telerobot.tools.checks.rover.own_rays import own_rays
-from telerobot.tools.checks.rover.sight import sight
-from telerobot.tools.checks.rover.sweep import sweep
-from telerobot.tools.checks.rover.wheels import wheels
+from telerobot.tools.checks.rover import own_rays, sight, sweep, wheels
 
 OF_A_ROVER = (bus_load, wheels, sweep, sight, own_rays)
 CHECKS = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import HERE, load_cell
 from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.tools.checks.drives import holding
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.checks.holding import holding
-from telerobot.tools.checks.loops.joint_tasks import joint_tasks
+from telerobot.tools.checks.loops import joint_tasks
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.config.load import shipped as names
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.checks.tunnel import tunnel
+from telerobot.tools.checks.model import tunnel
 
 ENTRANCE = "rpy = [0.0, 0.0, 1.5707963267948966]"
 

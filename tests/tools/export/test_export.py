@@ -8,7 +8,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.recorder import MEMORY, TICK
 from telerobot.tools.cli import main
-from telerobot.tools.recording.live.viewer import Viewer
+from telerobot.tools.recording.live import Viewer
 from telerobot.tools.recording.recorder import Recorder
 from telerobot.tools.recording.run_file import read_run
 from telerobot.tools.scripts.script import Script

@@ -8,8 +8,8 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
 from telerobot.tools.cli import main
 from telerobot.tools.client.protocol_client import ProtocolClient
-from telerobot.tools.identify.attitudes import AttitudeStop
-from telerobot.tools.identify.guide import Guide
+from telerobot.tools.identify.cli import Guide
+from telerobot.tools.identify.estimate import AttitudeStop
 
 
 class Arm:

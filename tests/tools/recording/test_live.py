@@ -12,9 +12,8 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception import ContourNews, ScanPoints
 from telerobot.server.perception.scanning.scanning import Looked
-from telerobot.tools.recording.live import listener
-from telerobot.tools.recording.live.files import Files
-from telerobot.tools.recording.live.listener import CellRecorder
+from telerobot.tools.recording import live as listener
+from telerobot.tools.recording.live import CellRecorder, Files
 from telerobot.tools.recording.run_file import read_run
 
 POINTS = np.array([[1.0, -2.5, 0.25], [np.nan] * 3, [100.0, 0.0, -0.001]])

@@ -9,7 +9,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from telerobot.config.load import load_cell
-from telerobot.tools.recording.live.viewer import Viewer
+from telerobot.tools.recording.live import Viewer
 from telerobot.tools.recording.recorder import Recorder
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

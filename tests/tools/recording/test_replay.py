@@ -11,7 +11,7 @@ from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
 from telerobot.server.recorder import MEMORY, TICK, Stamped, joined, pack, unpack
 from telerobot.tools.cli import main
-from telerobot.tools.recording.replay.replay import Replay
+from telerobot.tools.recording.replay import Replay
 from telerobot.tools.recording.run_file import read_about, read_cell, read_run
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from telerobot.config.schema.network import ReflectionSection
 from telerobot.protocols.messages.messages import Frame, Reflection
-from telerobot.tools.reflect.client import ReflectingClient
+from telerobot.tools.client.reflection import ReflectingClient
 
 
 def news(tick, force=-1.5, **more):

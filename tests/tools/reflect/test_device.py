@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from telerobot.config.schema.network import HandleSection, HandSection
-from telerobot.tools.reflect.device import STEP_S, HandPath, SimulatedHandle
-from telerobot.tools.reflect.linkage import jacobian, place
+from telerobot.tools.client.reflection import STEP_S, HandPath, SimulatedHandle, jacobian, place
 
 NOTHING = np.zeros(6)
 

@@ -5,8 +5,7 @@ import json
 import pytest
 from telerobot.config.load import ConfigError, load_cell
 from telerobot.tools.cli import main
-from telerobot.tools.scripts.expectations import Expectations
-from telerobot.tools.scripts.script import load_script
+from telerobot.tools.scripts.script import Expectations, load_script
 from telerobot.tools.simulation.simulation import simulate
 
 SUMMARY = {

@@ -5,8 +5,7 @@ from pydantic import ValidationError
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import shipped
 from telerobot.protocols import topics as t
-from telerobot.tools.scripts.script import Script, load_script
-from telerobot.tools.scripts.step import Step
+from telerobot.tools.scripts.script import Script, Step, load_script
 
 
 def write(tmp_path, text):

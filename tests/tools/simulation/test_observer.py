@@ -10,7 +10,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.tools.recording.run_file import read_frames
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.judges.observer import RELATIVE, STEPS, Observer
+from telerobot.tools.simulation.observer import RELATIVE, STEPS, Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate
 
 CELL = load_cell("pa10")

@@ -3,7 +3,7 @@
 import pytest
 from telerobot import OperatorError, SimulatedOperator, load_cell
 from telerobot.protocols.messages.rig import RigFault
-from telerobot.tools.recording.replay.replay import Replay
+from telerobot.tools.recording.replay import Replay
 from telerobot.tools.recording.run_file import read_cell
 
 STICK = [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]

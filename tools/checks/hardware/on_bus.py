@@ -1,23 +1,349 @@
-"""Compare who is on a cell's buses with the cell: `telerobot check CELL --bus`."""
+"""Who answers on a cell's buses, asked by SDO, compared with what the cell says."""
 
+import struct
+from binascii import crc_hqx
+from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Final
 
 from ....config.load import Cell
 from ....config.schema.bus import CanOpenNodeSection, Entry
 from ....config.schema.mechanism import DriveSection
+from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus, Fieldbuses, open_buses
+from ....protocols.canopen import can301, cia402
+from ....protocols.canopen.can301 import Abort, FrameError, emcy_name
 from ....protocols.canopen.can301 import CommunicationObject as Com
+from ....protocols.canopen.cia402 import SPAN, DriveState, Object, OperationMode
 from ..findings import Finding, Severity
-from .drive import compare
-from .scan import (
-    FoundNode,
-    listen_for_masters,
-    nodes_on,
-    read_node,
-)
-from .sdo_client import SdoSilenceError
 
+# --- An SDO client that shows every abort code as it came (CiA 301, 7.2.4) ------------------------
+#
+# The daemon's drivers use canopen's client, which also knows names; this one is for looking at
+# nodes that nobody has described yet, and at how they refuse.
+REPLY_S: Final = 0.5
+"""Time after which a request counts as unanswered [s]."""
+_HEAD: Final = struct.Struct("<BHB")
+_UPLOAD, _SEGMENT_UPLOAD, _ABORTED = 0x40, 0x60, 0x80
+_BLOCK_REQUEST, _BLOCK_REPLY = 0xA0, 0xC0
+_EXPEDITED, _SIZE, _TOGGLE, _LAST_SEGMENT = 0x02, 0x01, 0x10, 0x01
+_BLOCK_SEGMENTS: Final = 100
+
+
+class SdoAbortError(DeviceError):
+    """The node gave a transfer up; `code` tells why (table 22)."""
+
+    def __init__(self, where: str, code: int) -> None:
+        super().__init__(f"{where}: aborted with {named(code)}")
+        self.code = code
+
+
+class SdoSilenceError(DeviceError):
+    """The node did not answer."""
+
+
+def named(code: int) -> str:
+    """Return an abort code with its name."""
+    name = Abort(code).name.lower().replace("_", " ") if code in list(Abort) else "unknown"
+    return f"{code >> 16:04X} {code & 0xFFFF:04X}h ({name})"
+
+
+class SdoClient:
+    """Reads and writes the objects of one node; values are little-endian integers or bytes."""
+
+    def __init__(self, fieldbus: Fieldbus, node: int, reply_s: float = REPLY_S) -> None:
+        self.node = node
+        self._bus, self._reply_s = fieldbus, reply_s
+        self._replies: deque[bytes] = deque()
+        self.last_abort: tuple[int, int, int] | None = None
+        """Index, sub-index and code of the newest abort."""
+        fieldbus.listen(can301.sdo_reply_id(node), lambda data, _stamp: self._replies.append(data))
+
+    def read(self, index: int, subindex: int = 0) -> bytes:
+        """Return an object's bytes. Raises `SdoAbortError`, `SdoSilenceError`."""
+        where = self._where(index, subindex)
+        reply = self._ask(_HEAD.pack(_UPLOAD, index, subindex), where)
+        if reply[0] & _EXPEDITED:
+            return reply[4 : 8 - (reply[0] >> 2 & 3) if reply[0] & _SIZE else 8]
+        content, toggle = b"", 0
+        while True:
+            part = self._ask(bytes((_SEGMENT_UPLOAD | toggle,)), where)
+            content += part[1 : 8 - (part[0] >> 1 & 7)]
+            if part[0] & _LAST_SEGMENT:
+                return content
+            toggle ^= _TOGGLE
+
+    def number(self, index: int, subindex: int = 0, *, signed: bool = False) -> int:
+        """Return an integer object. Raises `SdoAbortError`, `SdoSilenceError`."""
+        return int.from_bytes(self.read(index, subindex), "little", signed=signed)
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object of at most 4 bytes. Raises `SdoAbortError`, `SdoSilenceError`."""
+        head = _HEAD.pack(0x23 | (4 - len(data)) << 2, index, subindex)
+        self._ask(head + data, self._where(index, subindex))
+
+    def read_block(self, index: int, subindex: int = 0) -> bytes:
+        """Return an object's bytes by block upload; raises as `read` does, and for a wrong CRC."""
+        where = self._where(index, subindex)
+        head = _HEAD.pack(_BLOCK_REQUEST | 0x04, index, subindex)
+        start = self._ask(head + bytes((_BLOCK_SEGMENTS, 0)), where)
+        if start[0] & 0xE0 != _BLOCK_REPLY:
+            raise DeviceError(f"{where}: no block upload: answered {start.hex(' ')}")
+        content, number = b"", 0
+        part = self._ask(bytes((_BLOCK_REQUEST | 3,)), where)
+        while True:
+            number += 1
+            if part[0] & 0x7F != number:
+                raise DeviceError(f"{where}: segment {part[0] & 0x7F} of a block, not {number}")
+            content += part[1:]
+            last = bool(part[0] & 0x80)
+            if last or number == _BLOCK_SEGMENTS:
+                acknowledge = bytes((_BLOCK_REQUEST | 2, number, _BLOCK_SEGMENTS))
+                part, number = self._ask(acknowledge, where), 0
+                if last:
+                    break
+            else:
+                part = self._next(where)
+        content = content[: len(content) - (part[0] >> 2 & 7)]
+        self._send(bytes((_BLOCK_REQUEST | 1,)))
+        (crc,) = struct.unpack_from("<H", part, 1)
+        if start[0] & 0x04 and crc != crc_hqx(content, 0):
+            raise DeviceError(f"{where}: the block's CRC is wrong")
+        return content
+
+    def _where(self, index: int, subindex: int) -> str:
+        return f"node {self.node}, {index:04X}h:{subindex}"
+
+    def _ask(self, request: bytes, where: str) -> bytes:
+        self._replies.clear()
+        self._send(request)
+        return self._next(where)
+
+    def _send(self, request: bytes) -> None:
+        can_id = can301.sdo_request_id(self.node)
+        if not self._bus.send(can_id, request.ljust(8, b"\0")):
+            raise DeviceError(f"{self._bus.name}: {self._bus.trouble}")
+
+    def _next(self, where: str) -> bytes:
+        bus = self._bus
+        deadline = bus.clock() + self._reply_s
+        while not self._replies and bus.clock() < deadline:
+            bus.wait_until(lambda: bool(self._replies), deadline - bus.clock())
+        if not self._replies:
+            raise SdoSilenceError(f"{where}: no answer within {self._reply_s} s")
+        reply = self._replies.popleft().ljust(8, b"\0")
+        if reply[0] == _ABORTED:
+            _, index, subindex, code = struct.unpack("<BHBI", reply)
+            self.last_abort = index, subindex, code
+            raise SdoAbortError(where, code)
+        return reply
+
+
+# --- Nodes on a CAN bus, and what they hold: SDO uploads only; nothing changes, nothing moves -----
+QUIET_S: Final = 0.5
+"""A control server is heard within so long [s]."""
+NODES: Final = range(1, 127)
+PACE_S: Final = 0.005
+"""Between the questions to two nodes: no transmit queue overflows [s]."""
+LATE_S: Final = 0.5
+"""Time that the slowest answer to the last question may take [s]."""
+_NAME: Final = 0x1008
+
+Key = tuple[int, int]
+
+OF_ANY: Final[tuple[Key, ...]] = (
+    (Com.DEVICE_TYPE, 0), (Com.ERROR_REGISTER, 0),
+    (Com.IDENTITY, 1), (Com.IDENTITY, 2), (Com.IDENTITY, 3), (Com.IDENTITY, 4),
+)  # fmt: skip
+OF_A_DRIVE: Final[tuple[Key, ...]] = (
+    (Object.ERROR_CODE, 0), (Object.STATUSWORD, 0), (Object.SUPPORTED_MODES, 0),
+    (Object.POSITION_ACTUAL, 0), (Object.POSITION_LIMIT, 1), (Object.POSITION_LIMIT, 2),
+    (Object.RATED_TORQUE, 0), (Object.MAX_TORQUE, 0), (Object.QUICK_STOP_OPTION, 0),
+    (Object.QUICK_STOP_DECELERATION, 0), (Object.FOLLOWING_WINDOW, 0),
+)  # fmt: skip
+_SIGNED: Final = frozenset(
+    ((Object.POSITION_ACTUAL, 0), (Object.POSITION_LIMIT, 1), (Object.POSITION_LIMIT, 2))
+)
+
+
+@dataclass(frozen=True)
+class FoundNode:
+    """One node that answered: the objects that it has, by index and sub-index."""
+
+    node: int
+    name: str
+    values: dict[Key, int] = field(default_factory=dict)
+
+    def get(self, index: int, subindex: int = 0) -> int | None:
+        """Return an object's value; None where the node has none."""
+        return self.values.get((index, subindex))
+
+
+def listen_for_masters(fieldbus: Fieldbus) -> None:
+    """Listen whether somebody commands on the bus. Raises `DeviceError`."""
+    deadline = fieldbus.clock() + QUIET_S
+    while fieldbus.trouble is None and fieldbus.clock() < deadline:
+        fieldbus.wait_until(lambda: fieldbus.trouble is not None, deadline - fieldbus.clock())
+    if fieldbus.trouble is not None:
+        raise DeviceError(f"{fieldbus.name}: {fieldbus.trouble.detail}")
+
+
+def nodes_on(fieldbus: Fieldbus) -> list[int]:
+    """Return the nodes that answer to a question for 1000h. Raises `DeviceError`."""
+    heard: set[int] = set()
+    for node in NODES:
+        fieldbus.listen(can301.sdo_reply_id(node), lambda _d, _s, node=node: heard.add(node))  # type: ignore[misc]  # a default that is bound
+    for node in NODES:
+        question = b"\x40" + int(Com.DEVICE_TYPE).to_bytes(2, "little") + bytes(5)
+        if not fieldbus.send(can301.sdo_request_id(node), question):
+            why = fieldbus.trouble.detail if fieldbus.trouble else "cannot send"
+            raise DeviceError(f"{fieldbus.name}: {why}: is the bus up, and is anybody on it?")
+        _pass(fieldbus, PACE_S)
+    _pass(fieldbus, LATE_S)
+    return sorted(heard)
+
+
+def read_node(fieldbus: Fieldbus, node: int, *, drive: bool) -> FoundNode:
+    """Read a node's identity, and a drive's limits. Raises `SdoSilenceError`."""
+    client = SdoClient(fieldbus, node)
+    values: dict[Key, int] = {}
+    for key in (*OF_ANY, *(OF_A_DRIVE if drive else ())):
+        try:
+            values[key] = client.number(*key, signed=key in _SIGNED)
+        except SdoAbortError:
+            continue  # it does not have that one
+    try:
+        name = client.read(_NAME).decode("ascii", "replace").strip("\0 ")
+    except (SdoAbortError, SdoSilenceError):
+        name = ""
+    return FoundNode(node, name, values)
+
+
+def _pass(fieldbus: Fieldbus, seconds: float) -> None:
+    deadline = fieldbus.clock() + seconds
+    while fieldbus.clock() < deadline:
+        fieldbus.wait_until(lambda: False, deadline - fieldbus.clock())
+
+
+# --- Compare what one drive holds with the cell's table of it, in the joint's units ---------------
+LIMIT: Final = 1e-3
+"""607Dh and the cell's limits are the same within this [rad]."""
+TORQUE: Final = 0.01
+"""6076h and `rated_torque` are the same within this part [1]."""
+_UNBOUNDED: Final = SPAN - 2
+_OFF: Final = (
+    DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON,
+)  # fmt: skip
+
+
+def compare(cell: Cell, name: str, drive: DriveSection, found: FoundNode) -> Iterator[Finding]:
+    """Judge a drive's state, mode, position, position limits and torques."""
+    joint = next(j for j in cell.robot.joints if j.name == drive.joint)
+    endless = drive.joint in cell.config.mechanism.wheels
+    yield _state(name, found)
+    yield _mode(name, found, OperationMode[cell.config.mechanism.mode_of(drive).upper()])
+    if not endless:
+        yield _position(name, drive, found, joint.lower, joint.upper)
+        yield _limits(name, drive, found, joint.lower, joint.upper)
+    yield _torque(name, drive, found)
+
+
+def _radians(drive: DriveSection, counts: int) -> float:
+    return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
+
+
+def _state(name: str, found: FoundNode) -> Finding:
+    word, code = found.get(Object.STATUSWORD), found.get(Object.ERROR_CODE) or 0
+    check = f"{name} state"
+    if word is None:
+        return Finding(check, Severity.ERROR, "6041h cannot be read: is it a CiA 402 drive?")
+    try:
+        state = cia402.decode_state(word)
+    except FrameError as error:
+        return Finding(check, Severity.ERROR, str(error), {"statusword": word})
+    text = state.name.lower().replace("_", " ")
+    status = Severity.OK
+    if state.in_fault or code:
+        status, text = Severity.WARN, f"{text}, 603Fh {code:04X}h: {emcy_name(code)}"
+    elif state not in _OFF:
+        status, text = Severity.ERROR, f"{text}: its power is on, and nobody here has asked for it"
+    register = found.get(Com.ERROR_REGISTER) or 0
+    return Finding(check, status, text, {"statusword": word, "code": code, "register": register})
+
+
+def _mode(name: str, found: FoundNode, mode: OperationMode) -> Finding:
+    supported = found.get(Object.SUPPORTED_MODES)
+    check = f"{name} mode"
+    if supported is None:
+        return Finding(check, Severity.ERROR, "6502h cannot be read: no mode is known")
+    has = cia402.supports_mode(supported, mode)
+    text = f"{mode.name} {'is' if has else 'is not'} among its modes, 6502h {supported:#x}"
+    status = Severity.OK if has else Severity.ERROR
+    return Finding(check, status, text, {"supported": supported})
+
+
+def _position(
+    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
+) -> Finding:
+    check = f"{name} position"
+    counts = found.get(Object.POSITION_ACTUAL)
+    if counts is None:
+        return Finding(check, Severity.ERROR, "6064h cannot be read")
+    angle = _radians(drive, counts)
+    text = f"{angle:.4f} rad ({counts} counts), limits {lower:.4g} to {upper:.4g}"
+    inside = lower - LIMIT <= angle <= upper + LIMIT
+    if not inside:
+        text += ": is counts_per_radian, direction or zero_rad wrong?"
+    status = Severity.OK if inside else Severity.ERROR
+    return Finding(check, status, text, {"counts": counts, "angle": angle})
+
+
+def _limits(
+    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
+) -> Finding:
+    check = f"{name} 607Dh"
+    low, high = (found.get(Object.POSITION_LIMIT, sub) for sub in (1, 2))
+    if low is None or high is None:
+        text = "cannot be read; the daemon writes it before it enables the drive"
+        return Finding(check, Severity.ERROR, text)
+    ends = sorted((_radians(drive, low), _radians(drive, high)))
+    values = {"lower": ends[0], "upper": ends[1]}
+    if low >= high or high - low >= _UNBOUNDED:
+        text = f"holds no limits; the daemon will write {lower:.4g} to {upper:.4g} rad"
+        return Finding(check, Severity.OK, text, values)
+    off = max(abs(ends[0] - lower), abs(ends[1] - upper))
+    text = f"{ends[0]:.4g} to {ends[1]:.4g} rad"
+    if off <= LIMIT:
+        return Finding(check, Severity.OK, text, values)
+    text += (
+        f", the cell says {lower:.4g} to {upper:.4g}: which of them is right, or is the "
+        "joint's scale wrong? The daemon writes the cell's"
+    )
+    return Finding(check, Severity.ERROR, text, values)
+
+
+def _torque(name: str, drive: DriveSection, found: FoundNode) -> Finding:
+    check = f"{name} torque"
+    rated, most = found.get(Object.RATED_TORQUE), found.get(Object.MAX_TORQUE)
+    if not rated:
+        text = "6076h cannot be read: what 6077h calls 1000 has to come from the data sheet"
+        return Finding(check, Severity.WARN, text)
+    torque = rated * 1e-3
+    values = {"rated": torque, "max_per_mille": most}
+    text = f"6076h {torque:g} N·m, the cell's rated_torque {drive.rated_torque:g} at the joint"
+    status = Severity.OK
+    if abs(torque - drive.rated_torque) > TORQUE * drive.rated_torque:
+        status = Severity.WARN
+        text += f": right behind a gear of {drive.rated_torque / torque:.4g}, and of no other"
+    bound = None if most is None else most * 1e-3 * drive.rated_torque
+    if bound is not None and bound < drive.max_torque * (1.0 - TORQUE):
+        status = Severity.WARN
+        text += f"; 6072h stops at {bound:.4g} N·m, below max_torque {drive.max_torque:g}"
+    return Finding(check, status, text, values)
+
+
+# --- Compare who is on a cell's buses with the cell: `telerobot check CELL --bus` -----------------
 _IO: Final = (401, "input/output module")
 FIELDS: Final = ("vendor", "product", "revision", "serial")
 

@@ -1,22 +1,539 @@
-"""All rules tried on one drive, one after the other.
+"""Trial of one real drive against rules of CiA 301 and CiA 402, off and on."""
 
-The drive stands, with its power off; nothing is asked to move. Rules that need power are tried only
-when the caller says so. After each rule the drive gets everything back that was written.
-"""
-
+import struct
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....config.schema.bus import Entry
+from ....config.schema.mechanism import DriveSection
 from ....drivers.device import DeviceError
-from ....drivers.fieldbus import Fieldbus
-from ....protocols.canopen.can301 import FrameError
-from ....protocols.canopen.cia402 import DriveState
-from .communication import COMMUNICATION
-from .power_off import POWER_OFF
-from .power_on import POWER_ON
-from .rule import Rule, RuleOutcome, RuleVerdict
-from .tried_drive import AbsentError, BrokenError, TriedDrive
+from ....drivers.fieldbus import Fieldbus, open_buses
+from ....protocols.canopen import can301, cia402
+from ....protocols.canopen.can301 import (
+    LENGTHS,
+    OUT_OF_RANGE,
+    Abort,
+    FrameError,
+    NmtCommand,
+    NmtState,
+)
+from ....protocols.canopen.can301 import CommunicationObject as Com
+from ....protocols.canopen.cia402 import (
+    Controlword,
+    DriveState,
+    Object,
+    OperationMode,
+    QuickStopOption,
+    Status,
+)
+from ..findings import Finding, Severity
+from .on_bus import SdoAbortError, SdoSilenceError, named
+from .tried_drive import (
+    I8,
+    I16,
+    I32,
+    U8,
+    U16,
+    U32,
+    AbsentError,
+    BrokenError,
+    Rule,
+    RuleOutcome,
+    RuleVerdict,
+    TriedDrive,
+)
 
+# --- Rules of the communication profile, CiA 301; none needs power, none moves anything -----------
+_STATUSWORD: Final = can301.mapping_entry(Object.STATUSWORD, 0, 16)
+_CONTROLWORD: Final = can301.mapping_entry(Object.CONTROLWORD, 0, 16)
+_POSITION: Final = can301.mapping_entry(Object.POSITION_ACTUAL, 0, 32)
+_DEVICE_TYPE: Final = can301.mapping_entry(Com.DEVICE_TYPE, 0, 32)
+_NAME: Final = 0x1008
+_NOWHERE: Final = 0xE123
+"""An index of the range that the standard reserves."""
+_DRIVE_PROFILE: Final = 402
+_BEAT_MS: Final = 50
+_RESERVED_TYPE: Final = 245
+_READY: Final = DriveState.READY_TO_SWITCH_ON
+
+
+def _is(code: int, *allowed: int) -> None:
+    if code not in allowed:
+        raise BrokenError(f"aborts with {named(code)}, not {named(allowed[0])}")
+
+
+def _device_type(drive: TriedDrive) -> None:
+    profile = drive.get(Com.DEVICE_TYPE, 0, U32) & 0xFFFF
+    if profile != _DRIVE_PROFILE:
+        raise BrokenError(f"the low word of 1000h says profile {profile}")
+
+
+def _identity(drive: TriedDrive) -> None:
+    if not 1 <= drive.get(Com.IDENTITY, 0, U8) <= 4:
+        raise BrokenError("1018h:0 is none of 1 to 4")
+    drive.get(Com.IDENTITY, 1, U32)
+
+
+def _no_object(drive: TriedDrive) -> None:
+    try:
+        drive.sdo.read(_NOWHERE)
+    except SdoAbortError as error:
+        _is(error.code, Abort.NO_OBJECT)
+        return
+    raise BrokenError(f"{_NOWHERE:04X}h can be read")
+
+
+def _no_subindex(drive: TriedDrive) -> None:
+    try:
+        drive.sdo.read(Com.IDENTITY, 0xFE)
+    except SdoAbortError as error:
+        _is(error.code, Abort.NO_SUBINDEX)
+        return
+    raise BrokenError("1018h:254 can be read")
+
+
+def _read_only(drive: TriedDrive) -> None:
+    _is(drive.refusal(Com.DEVICE_TYPE, 0, U32, 0), Abort.READ_ONLY)
+
+
+def _length(drive: TriedDrive) -> None:
+    _is(drive.refusal(Object.CONTROLWORD, 0, U32, Controlword.DISABLE_VOLTAGE), *sorted(LENGTHS))
+
+
+def _block(drive: TriedDrive) -> None:
+    try:
+        plain = drive.sdo.read(_NAME)
+    except SdoAbortError as error:
+        raise AbsentError(f"1008h: {named(error.code)}") from error
+    try:
+        by_block = drive.sdo.read_block(_NAME)
+    except SdoAbortError as error:
+        _is(error.code, Abort.INVALID_COMMAND)
+        raise AbsentError("no block transfer") from error
+    if by_block != plain:
+        raise BrokenError(f"1008h is {plain!r}, by block {by_block!r}")
+
+
+def _heartbeat(drive: TriedDrive) -> None:
+    drive.put(Com.PRODUCER_HEARTBEAT, 0, U16, _BEAT_MS)
+    drive.beats.clear()
+    if not drive.until(lambda: len(drive.beats) >= 3, 0.02 * _BEAT_MS):
+        raise BrokenError(f"{len(drive.beats)} heartbeats in {20 * _BEAT_MS} ms")
+    if set(drive.beats) != {NmtState.PRE_OPERATIONAL}:
+        raise BrokenError(f"its heartbeat says state {drive.beats[-1]} in Pre-operational")
+
+
+def _network_states(drive: TriedDrive) -> None:
+    drive.put(Com.PRODUCER_HEARTBEAT, 0, U16, _BEAT_MS)
+    for command, state in (
+        (NmtCommand.START, NmtState.OPERATIONAL),
+        (NmtCommand.STOP, NmtState.STOPPED),
+    ):
+        drive.nmt(command)
+        if not drive.until(lambda state=state: drive.beats[-1:] == [state], 0.02 * _BEAT_MS):  # type: ignore[misc]  # a default that is bound
+            raise BrokenError(f"does not tell {state.name} by its heartbeat")
+    try:
+        drive.sdo.read(Com.DEVICE_TYPE)
+    except SdoSilenceError:
+        return
+    raise BrokenError("answers SDO while it is Stopped")
+
+
+def _mapped_while_on(drive: TriedDrive) -> None:
+    drive.map_pdo(_STATUSWORD, receive=False, transmission=can301.EVERY_SYNC)
+    drive.refusal(Com.TPDO_MAPPING, 1, U32, _POSITION)
+
+
+def _mapping(drive: TriedDrive) -> None:
+    drive.map_pdo(receive=False, transmission=can301.EVERY_SYNC)
+    off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
+    drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
+    try:
+        drive.put(Com.TPDO_MAPPING, 1, U32, _DEVICE_TYPE)
+        code = drive.refusal(Com.TPDO_MAPPING, 0, U8, 1)
+    except SdoAbortError as error:
+        code = error.code
+    _is(code, Abort.NOT_MAPPABLE, Abort.NO_OBJECT)
+
+
+def _too_long(drive: TriedDrive) -> None:
+    off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
+    drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
+    drive.put(Com.TPDO_MAPPING, 0, U8, 0)
+    try:
+        for place in (1, 2, 3):
+            drive.put(Com.TPDO_MAPPING, place, U32, _POSITION)
+        code = drive.refusal(Com.TPDO_MAPPING, 0, U8, 3)
+    except SdoAbortError as error:
+        code = error.code
+    _is(code, Abort.PDO_TOO_LONG, Abort.NOT_MAPPABLE)
+
+
+def _reserved_type(drive: TriedDrive) -> None:
+    off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
+    drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
+    code = drive.refusal(Com.TPDO_COMMUNICATION, 2, U8, _RESERVED_TYPE)
+    _is(code, *sorted(OUT_OF_RANGE))
+
+
+def _every_sync(drive: TriedDrive) -> None:
+    drive.map_pdo(_STATUSWORD, _POSITION, receive=False, transmission=can301.EVERY_SYNC)
+    drive.nmt(NmtCommand.START)
+    drive.listen(0.05)
+    drive.pdos.clear()
+    for count in range(1, 6):
+        drive.sync()
+        drive.listen(0.02)
+        if len(drive.pdos) != count:
+            raise BrokenError(f"{len(drive.pdos)} TPDOs after {count} SYNCs")
+    if len(drive.pdos[-1]) != 6:
+        raise BrokenError(f"{len(drive.pdos[-1])} bytes of 6041h and 6064h")
+
+
+def _on_change(drive: TriedDrive) -> None:
+    drive.map_pdo(_STATUSWORD, receive=False, transmission=can301.AT_ONCE)
+    drive.nmt(NmtCommand.START)
+    drive.listen(0.1)
+    drive.pdos.clear()
+    drive.command(Controlword.SHUTDOWN)
+    drive.expect(_READY)
+
+    def told() -> bool:
+        words = [int.from_bytes(data[:2], "little") for data in drive.pdos]
+        return any(cia402.decode_state(word) is _READY for word in words)
+
+    if not drive.until(told, 0.5):
+        raise BrokenError("6041h has changed, and no TPDO of type 255 came")
+
+
+def _by_pdo(drive: TriedDrive) -> None:
+    drive.map_pdo(_CONTROLWORD, receive=True, transmission=can301.AT_ONCE)
+    drive.nmt(NmtCommand.START)
+    drive.send_pdo(struct.pack(U16, Controlword.DISABLE_VOLTAGE))
+    drive.send_pdo(struct.pack(U16, Controlword.SHUTDOWN))
+    drive.expect(_READY)
+
+
+def _short_pdo(drive: TriedDrive) -> None:
+    drive.map_pdo(_CONTROLWORD, receive=True, transmission=can301.AT_ONCE)
+    drive.nmt(NmtCommand.START)
+    drive.send_pdo(bytes((Controlword.SHUTDOWN,)))
+    drive.listen(0.05)
+    if drive.state is _READY:
+        raise BrokenError("a PDO of 1 byte instead of 2 is obeyed")
+
+
+COMMUNICATION: Final = (
+    Rule("CiA 301, 1000h", "the device type names the drive profile", _device_type),
+    Rule("CiA 301, 1018h", "the identity can be read", _identity),
+    Rule("CiA 301, 7.2.4.3.17", "an object that is none aborts with 0602 0000h", _no_object),
+    Rule("CiA 301, 7.2.4.3.17", "a sub-index that is none aborts with 0609 0011h", _no_subindex),
+    Rule("CiA 301, 7.2.4.3.17", "what is read only aborts with 0601 0002h", _read_only),
+    Rule("CiA 301, 7.2.4.3.17", "a wrong length aborts with 0607 001xh", _length),
+    Rule("CiA 301, 7.2.4.3", "a block upload brings what a plain one does", _block),
+    Rule("CiA 301, 1017h", "heartbeats come as often as asked for", _heartbeat),
+    Rule("CiA 301, 7.3.2", "NMT commands are obeyed; Stopped answers no SDO", _network_states),
+    Rule("CiA 301, 7.5.2.38", "a PDO that is on cannot be mapped", _mapped_while_on),
+    Rule("CiA 301, 7.5.2.38", "what cannot be mapped aborts with 0604 0041h", _mapping),
+    Rule("CiA 301, 7.5.2.38", "more than 8 bytes abort with 0604 0042h", _too_long),
+    Rule("CiA 301, 7.5.2.37", "a reserved transmission type is refused", _reserved_type),
+    Rule("CiA 301, 7.5.2.37", "type 1: one TPDO for each SYNC", _every_sync),
+    Rule("CiA 301, 7.5.2.37", "type 255: a TPDO when its content has changed", _on_change),
+    Rule("CiA 301, 7.5.2.35", "type 255: an RPDO is obeyed at once", _by_pdo),
+    Rule("CiA 301, 7.5.2.36", "an RPDO that is too short is not obeyed", _short_pdo),
+)
+
+
+# --- Rules of the drive profile, CiA 402-2, that are tried with the power stage off ---------------
+NO_MODE: Final = 99
+NO_OPTION: Final = 99
+_MODE: Final = can301.mapping_entry(Object.MODE_OF_OPERATION, 0, 8)
+_SHOWN_S: Final = 0.2
+"""A drive shows a new mode within so long [s]."""
+_AT_REST: Final = 1e-4
+"""A joint that stands moves by less than this part of the greatest count [1]."""
+
+
+def modes(drive: TriedDrive) -> list[OperationMode]:
+    """Return the cyclic modes that the drive has."""
+    supported = drive.get(Object.SUPPORTED_MODES, 0, U32)
+    return [mode for mode in OperationMode if cia402.supports_mode(supported, mode)]
+
+
+def show(drive: TriedDrive, mode: int) -> None:
+    """Wait until 6061h shows a mode. Raises `BrokenError`."""
+    deadline = drive.bus.clock() + _SHOWN_S
+    while (shown := drive.get(Object.MODE_DISPLAY, 0, I8)) != mode:
+        if drive.bus.clock() > deadline:
+            raise BrokenError(f"6060h is {mode}, 6061h stays {shown}")
+
+
+def _refused(drive: TriedDrive, index: int, subindex: int, layout: str, value: int) -> None:
+    before = drive.optional(index, subindex, layout)
+    code = drive.refusal(index, subindex, layout, value)
+    if code not in OUT_OF_RANGE:
+        raise BrokenError(f"{value} aborts with {named(code)}, not 0609 003xh")
+    if (after := drive.get(index, subindex, layout)) != before:
+        raise BrokenError(f"{index:04X}h is {after} after a refused write, {before} before")
+
+
+def _state(drive: TriedDrive) -> None:
+    word = drive.get(Object.STATUSWORD, 0, U16)
+    cia402.decode_state(word)
+
+
+def _ready_and_back(drive: TriedDrive) -> None:
+    drive.command(Controlword.DISABLE_VOLTAGE)
+    drive.expect(DriveState.SWITCH_ON_DISABLED)
+    drive.command(Controlword.SHUTDOWN)
+    drive.expect(DriveState.READY_TO_SWITCH_ON)
+    drive.command(Controlword.DISABLE_VOLTAGE)
+    drive.expect(DriveState.SWITCH_ON_DISABLED)
+
+
+def _quick_stop_when_ready(drive: TriedDrive) -> None:
+    drive.command(Controlword.SHUTDOWN)
+    drive.expect(DriveState.READY_TO_SWITCH_ON)
+    drive.command(Controlword.QUICK_STOP)
+    drive.expect(DriveState.SWITCH_ON_DISABLED)
+
+
+def _reset_without_fault(drive: TriedDrive) -> None:
+    drive.command(Controlword.SHUTDOWN)
+    drive.expect(DriveState.READY_TO_SWITCH_ON)
+    drive.command(Controlword.SHUTDOWN | Controlword.FAULT_RESET)
+    if drive.state is not DriveState.READY_TO_SWITCH_ON:
+        raise BrokenError(f"bit 7 without a fault leads to {drive.state.name}")
+
+
+def _remote(drive: TriedDrive) -> None:
+    _ready_and_back(drive)
+    if not drive.get(Object.STATUSWORD, 0, U16) & Status.REMOTE:
+        raise BrokenError("6040h is obeyed, and bit 9 says that it is not")
+
+
+def _no_following_error(drive: TriedDrive) -> None:
+    if drive.get(Object.STATUSWORD, 0, U16) & Status.FOLLOWING_ERROR:
+        raise BrokenError("bit 13 is set without power")
+
+
+def _shown_modes(drive: TriedDrive) -> None:
+    for mode in modes(drive):
+        drive.put(Object.MODE_OF_OPERATION, 0, I8, mode)
+        show(drive, mode)
+
+
+def _mode_by_pdo(drive: TriedDrive) -> None:
+    found = modes(drive)
+    if not found:
+        raise AbsentError("6502h has no cyclic mode")
+    first, last = found[0], found[-1]
+    drive.put(Object.MODE_OF_OPERATION, 0, I8, first)
+    show(drive, first)
+    drive.map_pdo(_MODE, receive=True, transmission=can301.AT_ONCE)
+    drive.nmt(NmtCommand.START)
+    drive.send_pdo(struct.pack(I8, last))
+    show(drive, last)
+
+
+def _no_mode(drive: TriedDrive) -> None:
+    shown = drive.get(Object.MODE_DISPLAY, 0, I8)
+    _refused(drive, Object.MODE_OF_OPERATION, 0, I8, NO_MODE)
+    show(drive, shown)
+
+
+def _quick_stop_option(drive: TriedDrive) -> None:
+    _refused(drive, Object.QUICK_STOP_OPTION, 0, I16, NO_OPTION)
+
+
+def _abort_option(drive: TriedDrive) -> None:
+    _refused(drive, Object.ABORT_CONNECTION_OPTION, 0, I16, NO_OPTION)
+
+
+def _deceleration(drive: TriedDrive) -> None:
+    _refused(drive, Object.QUICK_STOP_DECELERATION, 0, U32, 0)
+
+
+def _kept_values(drive: TriedDrive) -> None:
+    for index, subindex, layout, value in (
+        (Object.FOLLOWING_WINDOW, 0, U32, 12345),
+        (Object.FOLLOWING_TIMEOUT, 0, U16, 20),
+        (Object.POSITION_LIMIT, 1, I32, -12345),
+        (Object.POSITION_LIMIT, 2, I32, 12345),
+    ):
+        drive.optional(index, subindex, layout)
+        drive.put(index, subindex, layout, value)
+        if (found := drive.get(index, subindex, layout)) != value:
+            raise BrokenError(f"{index:04X}h:{subindex} takes {value}, and reads {found}")
+
+
+def _standing(drive: TriedDrive) -> None:
+    before = drive.get(Object.POSITION_ACTUAL, 0, I32)
+    drive.listen(0.1)
+    moved = abs(drive.get(Object.POSITION_ACTUAL, 0, I32) - before)
+    if moved > _AT_REST * 2**31:
+        raise BrokenError(f"6064h changes by {moved} counts in 0.1 s without power")
+
+
+def _torque(drive: TriedDrive) -> None:
+    if drive.optional(Object.RATED_TORQUE, 0, U32) == 0:
+        raise BrokenError("6076h is 0, and 6077h a part of it")
+    drive.optional(Object.TORQUE_ACTUAL, 0, I16)
+
+
+POWER_OFF: Final = (
+    Rule("CiA 402-2, 6041h", "the statusword's bits mean a state", _state),
+    Rule("CiA 402-2, figure 3", "transitions 2 and 7", _ready_and_back),
+    Rule("CiA 402-2, figure 3", "transition 7 by a quick stop", _quick_stop_when_ready),
+    Rule("CiA 402-2, 6040h", "bit 7 does nothing without a fault", _reset_without_fault),
+    Rule("CiA 402-2, 6041h", "bit 9 tells that 6040h is obeyed", _remote),
+    Rule("CiA 402-2, 6041h", "no following error without power", _no_following_error),
+    Rule("CiA 402-2, 6061h", "shows every mode of 6502h that 6060h is set to", _shown_modes),
+    Rule("CiA 402-2, 6061h", "follows 6060h that came by PDO", _mode_by_pdo),
+    Rule("CiA 402-2, 6060h", "a mode that is none is refused: 0609 003xh", _no_mode),
+    Rule("CiA 402-2, 605Ah", "an option that is none is refused: 0609 003xh", _quick_stop_option),
+    Rule("CiA 402-2, 6007h", "an option that is none is refused: 0609 003xh", _abort_option),
+    Rule("CiA 402-2, 6085h", "no deceleration is refused: 0609 003xh", _deceleration),
+    Rule("CiA 402-2, 6065h 6066h 607Dh", "windows and limits read as written", _kept_values),
+    Rule("CiA 402-2, 6064h", "a joint that stands reads so", _standing),
+    Rule("CiA 402-2, 6076h", "torques have a unit", _torque),
+)
+
+
+# --- Rules of the drive profile, CiA 402-2, that need power; the joint holds, and is asked no
+# motion
+#
+# Setpoints are the drive's own position, at every SYNC.
+PERIOD_S: Final = 0.01
+ENABLE_S: Final = 3.0
+"""A brake opens within so long [s]."""
+_HELD_S: Final = 0.3
+_OFF: Final = DriveState.SWITCH_ON_DISABLED
+_ON, _ENABLED = DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED
+
+
+def _reach(drive: TriedDrive, state: DriveState, word: int) -> None:
+    """Write a controlword, and send SYNCs until the drive is in a state. Raises `BrokenError`."""
+    drive.command(word)
+    deadline = drive.bus.clock() + ENABLE_S
+    while (found := drive.state) is not state:
+        if drive.bus.clock() > deadline:
+            raise BrokenError(f"controlword {word:#04x}: stays in {found.name}, not {state.name}")
+        drive.sync()
+        drive.listen(PERIOD_S)
+
+
+def _switch_on(drive: TriedDrive) -> None:
+    """Go to *Switched on* in CSP, with the drive's own position as the setpoint."""
+    if OperationMode.CSP not in modes(drive):
+        raise AbsentError("6502h has no CSP")
+    drive.put(Object.MODE_OF_OPERATION, 0, I8, OperationMode.CSP)
+    show(drive, OperationMode.CSP)
+    here = drive.sdo.read(Object.POSITION_ACTUAL)
+    drive.sdo.write(Object.TARGET_POSITION, 0, here)
+    drive.nmt(NmtCommand.START)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
+
+
+def _enable(drive: TriedDrive) -> None:
+    _switch_on(drive)
+    _reach(drive, _ENABLED, Controlword.ENABLE_OPERATION)
+
+
+def _in_one_step(drive: TriedDrive) -> None:
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.command(Controlword.ENABLE_OPERATION)
+    drive.listen(0.1)
+    if drive.state is not _OFF:
+        raise BrokenError(f"Enable operation leads from Switch on disabled to {drive.state.name}")
+
+
+def _transitions(drive: TriedDrive) -> None:
+    _enable(drive)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
+    _reach(drive, _ON, Controlword.SWITCH_ON)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+
+
+def _shutdown(drive: TriedDrive) -> None:
+    _enable(drive)
+    _reach(drive, _READY, Controlword.SHUTDOWN)
+
+
+def _disable_voltage(drive: TriedDrive) -> None:
+    _enable(drive)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+
+
+def _quick_stop(drive: TriedDrive) -> None:
+    _enable(drive)
+    drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
+    _reach(drive, _OFF, Controlword.QUICK_STOP)
+
+
+def _stays(drive: TriedDrive) -> None:
+    _enable(drive)
+    try:
+        drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_AND_STAY)
+    except SdoAbortError as error:
+        raise AbsentError("605Ah = 6") from error
+    _reach(drive, DriveState.QUICK_STOP_ACTIVE, Controlword.QUICK_STOP)
+    drive.listen(_HELD_S)
+    if drive.state is not DriveState.QUICK_STOP_ACTIVE:
+        raise BrokenError(f"605Ah is 6, and the drive goes to {drive.state.name}")
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+
+
+def _true_mode(drive: TriedDrive) -> None:
+    _enable(drive)
+    others = [mode for mode in modes(drive) if mode is not OperationMode.CSP]
+    if not others:
+        raise AbsentError("one mode only")
+    shown: OperationMode = others[0]
+    try:
+        drive.put(Object.MODE_OF_OPERATION, 0, I8, OperationMode.CSP)
+        drive.sdo.write(Object.MODE_OF_OPERATION, 0, struct.pack(I8, shown))
+    except SdoAbortError:
+        shown = OperationMode.CSP
+    show(drive, shown)
+    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+
+
+def _holds(drive: TriedDrive) -> None:
+    before = drive.get(Object.POSITION_ACTUAL, 0, I32)
+    _enable(drive)
+    demand = drive.optional(Object.POSITION_DEMAND, 0, I32)
+    for _ in range(round(_HELD_S / PERIOD_S)):
+        drive.sync()
+        drive.listen(PERIOD_S)
+    after = drive.get(Object.POSITION_ACTUAL, 0, I32)
+    window = drive.optional(Object.FOLLOWING_WINDOW, 0, "<I")
+    if abs(after - before) > window or abs(demand - before) > window:
+        raise BrokenError(f"moves by {after - before} counts when it is enabled")
+
+
+POWER_ON: Final = (
+    Rule("CiA 402-2, figure 3", "Enable operation does nothing when switched off", _in_one_step),
+    Rule("CiA 402-2, figure 3", "transitions 2 to 6 and 10", _transitions),
+    Rule("CiA 402-2, figure 3", "transition 8", _shutdown),
+    Rule("CiA 402-2, figure 3", "transition 9", _disable_voltage),
+    Rule("CiA 402-2, 605Ah", "2: transitions 11 and 12 after the ramp", _quick_stop),
+    Rule("CiA 402-2, 605Ah", "6: stays in Quick stop active", _stays),
+    Rule("CiA 402-2, 6061h", "shows the true mode in Operation enabled", _true_mode),
+    Rule("CiA 402-2, 6062h 6064h", "enabling moves nothing", _holds),
+)
+
+
+# --- All rules tried on one drive, one after the other --------------------------------------------
+#
+# The drive stands, with its power off; nothing is asked to move. Rules that need power are
+# tried only when the caller says so. After each rule the drive gets everything back that was
+# written.
 QUIET_S: Final = 0.5
 """A control server is heard within so long [s]."""
 _POWER_IS_OFF: Final = (
@@ -65,3 +582,39 @@ def _outcome(judge: Callable[[TriedDrive], None], subject: TriedDrive) -> tuple[
     except (BrokenError, DeviceError, FrameError) as error:
         return RuleOutcome.BROKEN, str(error)
     return RuleOutcome.KEPT, ""
+
+
+# --- Rules of CiA 301 and CiA 402-2 tried on one drive: `telerobot check CELL --profile JOINT` ----
+STATUS: Final = {
+    RuleOutcome.KEPT: Severity.OK,
+    RuleOutcome.ABSENT: Severity.WARN,
+    RuleOutcome.BROKEN: Severity.ERROR,
+}
+
+
+def drive_named(cell: Cell, joint: str) -> Entry:
+    """Return the drive of a joint. Raises `ConfigError`."""
+    drives = {e.name: e for e in cell.devices if isinstance(e.section, DriveSection)}
+    if joint not in drives:
+        raise ConfigError(f"{cell.path}: no drive moves {joint!r}; one of {', '.join(drives)}")
+    return drives[joint]
+
+
+def profile(
+    cell: Cell, joint: str, clock: Callable[[], float], *, power: bool
+) -> Iterator[Finding]:
+    """Try every rule on the drive of a joint, which stands. Raises `DeviceError`."""
+    entry = drive_named(cell, joint)
+    node = entry.section.node if isinstance(entry.section, DriveSection) else 0
+    buses = open_buses(cell, clock)
+    try:
+        names = [config.name for config in cell.config.fieldbuses]
+        fieldbus = buses[names.index(entry.bus)]
+        for verdict in try_drive(fieldbus, node, power=power):
+            text = verdict.rule.promise
+            if verdict.detail:
+                text += f": {verdict.detail}"
+            values = {"outcome": verdict.outcome.value}
+            yield Finding(verdict.rule.clause, STATUS[verdict.outcome], text, values)
+    finally:
+        buses.close()

@@ -1,8 +1,10 @@
-"""A drive that a rule is tried on: SDO, PDOs, NMT, and everything put back after each rule."""
+"""One real drive as rules try it: objects read, written and put back; how a rule can end."""
 
 import struct
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
 
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus
@@ -10,8 +12,9 @@ from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import NmtCommand, NmtState
 from ....protocols.canopen.cia402 import DriveState, Object
-from .sdo_client import SdoAbortError, SdoClient, named
+from .on_bus import SdoAbortError, SdoClient, named
 
+# --- A drive that a rule is tried on: SDO, PDOs, NMT, and everything put back after each rule -----
 BOOT_S: Final = 5.0
 """A drive has restarted its communication within so long [s]."""
 U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
@@ -150,3 +153,31 @@ class TriedDrive:
 
     def _on_beat(self, data: bytes, _stamp: float) -> None:
         self.beats.append(can301.decode_heartbeat(data))
+
+
+# --- One rule of a profile, and what became of it on a drive --------------------------------------
+class RuleOutcome(StrEnum):
+    """Ways in which a rule can end."""
+
+    KEPT = "kept"
+    BROKEN = "broken"
+    ABSENT = "absent"
+    """It is about something optional that the drive does not have."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Sentence of a profile: where it stands, in short words, and how it is tried."""
+
+    clause: str
+    promise: str
+    judge: Callable[[TriedDrive], None]
+    """Raises `BrokenError` or `AbsentError`."""
+
+
+class RuleVerdict(NamedTuple):
+    """Result of one rule."""
+
+    rule: Rule
+    outcome: RuleOutcome
+    detail: str

@@ -1,15 +1,18 @@
-"""`telerobot console CELL`: the operator's page in the browser."""
+"""`telerobot console`, alone or beside a demo."""
 
 import argparse
 import asyncio
 import atexit
 import gc
 import os
+import secrets
 import shutil
 import signal
+import socket
 import tempfile
 import webbrowser
 from collections.abc import Callable, Coroutine
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,13 +22,15 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....drivers.network.identity import Identity, identity_of
 from ....protocols.topics import Role
-from ...client.connection import Connection
+from ...client.operator import Connection
 from ...host.address import cell_from
-from .access import Access, Listen, tls_context
-from .pages.hub import PageHub
-from .server import SceneServer, Server
+from ...host.local_plant import LocalPlant, free_port
+from ...host.machine import Claims
+from .pages import PageHub
+from .server import Access, Listen, SceneServer, Server, tls_context
 from .vendor.fetch import missing
 
+# --- `telerobot console CELL`: the operator's page in the browser ---------------------------------
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 """Environment variable with the operators' and the observers' secret, for a console that is started
 again: whoever had come in stays in."""
@@ -138,3 +143,30 @@ def _address(listen: Listen, port: int, secure: bool) -> str:
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(listen.host, listen.host)
     shown = f"[{host}]" if ":" in host else host
     return f"{'https' if secure else 'http'}://{shown}:{port}"
+
+
+# --- The page of a demo: its address, or in words why there is none -------------------------------
+PORT = 8080
+"""The page's port, if it is free."""
+
+
+def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
+    """Start the console of a demo; return what to tell about it."""
+    if find_spec("aiohttp") is None:
+        return ["no page in the browser: pip install 'telerobot[console]'"]
+    from .vendor.fetch import missing
+
+    if missing():
+        return ["no page in the browser: its JavaScript is not there (make venv fetches it)"]
+    taken = claims.take(PORT)
+    port = free_port(socket.SOCK_STREAM) if taken else PORT
+    operators, observers = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+    plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: f"{operators},{observers}"})
+    address = f"http://127.0.0.1:{port}/?key={operators}"
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        open_page(address)
+    other = f" (port {PORT}: {taken})" if taken else ""
+    return [
+        f"the page: {address}{other}",
+        f"to watch only: http://127.0.0.1:{port}/?key={observers}",
+    ]

@@ -50,8 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw; return 0. Raises `ConfigError` for arguments or files that are wrong."""
     try:
-        from .figure import compared, drawn
-        from .reader import load_recording
+        from .figure import compared, drawn, load_recording
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("matplotlib", "mpl_toolkits"):
             raise
@@ -65,11 +64,11 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--out: value '{out}': must end in .png or .svg")
     runs = [load_recording(path, args.cell) for path in args.runs]
     if panels == (TUNNEL,):
-        from .tunnels import slithering
+        from .scenes import slithering
 
         figure = slithering(runs[0])
     elif panels == (CONTOUR,):
-        from .bridge import ducking
+        from .scenes import ducking
 
         figure = ducking(runs[0], args.at)
     elif len(runs) > 1:

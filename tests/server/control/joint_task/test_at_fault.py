@@ -8,7 +8,7 @@ from telerobot.server.control.arm import Arm
 from telerobot.server.control.joint_task.forces import AWAITED, pads
 from telerobot.server.control.joint_task.joint_task import JointTask
 from telerobot.server.control.spatial import skew
-from telerobot.tools.checks.loops.joint_tasks import _moving
+from telerobot.tools.checks.loops import _moving
 
 K, TURNING = 50_000.0, 1000.0
 

@@ -12,8 +12,7 @@ from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, Object
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.checks.findings import Severity, failed, to_json
-from telerobot.tools.checks.hardware.on_bus import compared
-from telerobot.tools.checks.hardware.scan import listen_for_masters
+from telerobot.tools.checks.hardware.on_bus import compared, listen_for_masters
 from telerobot.tools.cli import main
 
 from tests.drivers.rig.on_a_bus import OnABus

@@ -8,9 +8,8 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.messages import MasterPose
 from telerobot.protocols.messages.telemetry import TaskDescription
 from telerobot.server.control.spatial import rotation_exp, rotation_rpy
-from telerobot.tools.client.motions import Motions
-from telerobot.tools.client.task import TaskClient
-from telerobot.tools.scripts.generators.master import MasterHandle
+from telerobot.tools.client.operator import Motions, TaskClient
+from telerobot.tools.scripts.generators import MasterHandle
 
 ENVELOPE = {"seen_tick": 1}
 

@@ -5,8 +5,7 @@ import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import requests
-from telerobot.tools.client.protocol_client import NoLease, ProtocolClient
-from telerobot.tools.client.round_trip import RoundTrip
+from telerobot.tools.client.protocol_client import NoLease, ProtocolClient, RoundTrip
 
 PUSH = (0.02, 0.0, 0.0, 0.0, 0.0, 0.0)
 

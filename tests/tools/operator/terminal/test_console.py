@@ -7,7 +7,7 @@ import sys
 import termios
 
 import pytest
-from telerobot.tools.operator.terminal.console import Console
+from telerobot.tools.operator.terminal import Console
 
 SHOW_CURSOR = "\x1b[?25h"
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from telerobot.protocols.messages.telemetry import State
-from telerobot.tools.operator.terminal.status import arm_lines, joint_words, share_words, tool_words
+from telerobot.tools.operator.terminal import arm_lines, joint_words, share_words, tool_words
 
 
 def numbers(text):

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 from telerobot.protocols.messages.telemetry import Description, Event, TaskDescription
-from telerobot.tools.operator.terminal.teleop import KeyboardTeleop
-from telerobot.tools.operator.words.events import event_line
+from telerobot.tools.operator.terminal import KeyboardTeleop
+from telerobot.tools.operator.words import event_line
 
 
 @pytest.mark.parametrize(

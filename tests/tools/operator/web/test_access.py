@@ -14,22 +14,23 @@ from telerobot.config.load import load_cell
 from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.roles import Grant
 from telerobot.protocols.topics import Role
-from telerobot.tools.certify.authority import Authority
-from telerobot.tools.client.connection import OperatorError
+from telerobot.tools.client.operator import OperatorError
+from telerobot.tools.commands.certify import Authority
 from telerobot.tools.host.address import moved
 from telerobot.tools.operator.web import cli
-from telerobot.tools.operator.web.access import (
+from telerobot.tools.operator.web.pages import PageHub
+from telerobot.tools.operator.web.server import (
     DEADLINE_S,
+    LOGIN,
     MOST,
     Access,
     Doorkeeper,
     Listen,
+    Server,
     same_origin,
     tls_context,
+    welcome,
 )
-from telerobot.tools.operator.web.login import LOGIN, welcome
-from telerobot.tools.operator.web.pages.hub import PageHub
-from telerobot.tools.operator.web.server import Server
 from yarl import URL
 
 

@@ -9,11 +9,9 @@ from aiohttp.test_utils import TestClient, TestServer
 from telerobot.config.load import load_cell
 from telerobot.protocols.topics import Role
 from telerobot.tools.cli import main
-from telerobot.tools.operator.web.access import Access, Listen
 from telerobot.tools.operator.web.scene import Scene, scene_of
-from telerobot.tools.operator.web.server import SceneServer
-from telerobot.tools.recording.playback.server import PlaybackServer
-from telerobot.tools.recording.playback.timeline import PIECE_S, Timeline
+from telerobot.tools.operator.web.server import Access, Listen, SceneServer
+from telerobot.tools.recording.playback import PIECE_S, PlaybackServer, Timeline
 from telerobot.tools.recording.recorder import Recorder
 from telerobot.tools.recording.run_file import read_scene
 from telerobot.tools.scripts.script import Script

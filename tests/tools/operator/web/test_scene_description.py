@@ -10,8 +10,7 @@ import trimesh
 from laboratory.oracle.poses import Array
 from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell, shipped
-from telerobot.tools.operator.web.scene import describe, scene_of
-from telerobot.tools.operator.web.scene.meshes import TRIANGLES
+from telerobot.tools.operator.web.scene import TRIANGLES, describe, scene_of
 
 
 @pytest.mark.parametrize("name", shipped("cells"))

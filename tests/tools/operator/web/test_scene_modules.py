@@ -9,8 +9,8 @@ from telerobot.config.load import load_cell
 from telerobot.protocols.messages.perception import ScanPoints
 from telerobot.server.commands.haptics import SLIP
 from telerobot.server.control.spatial import Pose, pose_error
-from telerobot.tools.operator.web.pages.surroundings import told_scan
 from telerobot.tools.operator.web.scene import describe
+from telerobot.tools.operator.web.streams import told_scan
 from telerobot.tools.operator.web.vendor.fetch import missing
 
 FORWARD = """

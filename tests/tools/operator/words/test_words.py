@@ -11,11 +11,14 @@ from telerobot.protocols.messages.perception import ContourNews
 from telerobot.protocols.messages.telemetry import Event, State
 from telerobot.server.perception.ahead import REASONS, REFUSALS
 from telerobot.server.refusals import Why
-from telerobot.tools.operator.words.events import event_line, event_words
-from telerobot.tools.operator.words.limits import limit_words
-from telerobot.tools.operator.words.passage import passage_words
-from telerobot.tools.operator.words.refusals import refusal_words
-from telerobot.tools.operator.words.why import why
+from telerobot.tools.operator.words import (
+    event_line,
+    event_words,
+    limit_words,
+    passage_words,
+    refusal_words,
+    why,
+)
 
 SERVER = Path(__file__).resolve().parents[4] / "server"
 SCANNING = SERVER / "perception" / "scanning"

@@ -1,5 +1,5 @@
 import pytest
-from telerobot.tools.scripts.generators.delay_line import Conditions, DelayLine
+from telerobot.tools.scripts.player import Conditions, DelayLine
 
 
 class Ride:

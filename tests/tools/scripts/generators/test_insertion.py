@@ -5,9 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.tools.scripts.generators.insertion import CAUGHT, GENTLE, ROUND, InsertionMotion
-from telerobot.tools.scripts.generators.tables import DrivenInsertion
-from telerobot.tools.scripts.step import Step
+from telerobot.tools.scripts.generators import CAUGHT, GENTLE, ROUND, InsertionMotion
+from telerobot.tools.scripts.script import DrivenInsertion, Step
 
 T, SPEED, GAIN = 0.01, 0.004, 3e-4
 RIM_M = 0.002

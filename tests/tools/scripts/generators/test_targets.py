@@ -4,8 +4,8 @@ import pytest
 from telerobot.protocols.codec import decode_as
 from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.protocols.topics import OBSTACLE
-from telerobot.tools.scripts.generators.tables import MovingTarget
-from telerobot.tools.scripts.generators.targets import NEWS_EVERY_S, TargetMotion
+from telerobot.tools.scripts.generators import NEWS_EVERY_S, TargetMotion
+from telerobot.tools.scripts.script import MovingTarget
 
 STEP = MovingTarget(tag="duck", sight_line="view", start=(0, 0, 0), to=(0.3, 0.4, 0), speed=0.25)
 

@@ -5,7 +5,7 @@ import json
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.topics import Role
-from telerobot.tools.operator.web.pages.page import ALIVE_S, HELD_S, LAPSED_S, Page
+from telerobot.tools.operator.web.pages import ALIVE_S, HELD_S, LAPSED_S, Page
 
 STICK = {"cmd/joystick": {"twist": [0.05, 0, 0, 0, 0, 0], "expressed_in": "crf"}}
 PERIOD_S = 0.01

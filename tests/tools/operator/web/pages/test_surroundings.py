@@ -18,7 +18,7 @@ from telerobot.protocols.messages.perception import (
     ObstacleNews,
     ScanPoints,
 )
-from telerobot.tools.operator.web.pages.surroundings import WorldNews
+from telerobot.tools.operator.web.streams import WorldNews
 
 PATIENCE_S = 20.0
 CONTOUR = ContourNews(

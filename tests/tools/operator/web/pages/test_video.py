@@ -13,8 +13,8 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception import MOST_PIECES, VideoPiece
 from telerobot.protocols.topics import Role
-from telerobot.tools.operator.web.pages.page import ALIVE_S, Page
-from telerobot.tools.operator.web.pages.video import (
+from telerobot.tools.operator.web.pages import ALIVE_S, Page
+from telerobot.tools.operator.web.streams import (
     LATE_S,
     CameraVideo,
     DaemonClock,

@@ -1,1 +1,0 @@
-"""`telerobot certify`: a certificate authority for the cells' network."""

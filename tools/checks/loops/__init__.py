@@ -1,1 +1,0 @@
-"""Checks of sampled loops: force, following, torque, reflection."""

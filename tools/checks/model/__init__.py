@@ -1,1 +1,0 @@
-"""Checks that need the arm's model: where it stands, and whether it starts."""

@@ -1,0 +1,379 @@
+"""Checks of a base on wheels: wheels, sweep, and what its scanner sees."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ...config.load import Cell
+from ...config.schema.mechanism import DifferentialBaseSection, SweepSection
+from ...config.schema.surroundings import ContourReflexSection, ScannerSection
+from ...server.control.proximity.capsules import Capsules, Forest
+from ...server.control.scene import Flags
+from ...server.control.spatial import Array, Pose
+from ...server.control.wheels import DifferentialDrive
+from ...server.perception.scanning.contour import INSIDE, LEAST_HITS
+from ...server.perception.scanning.placing import Knots, MeasuredInstant, ScannerGeometry
+from ...server.perception.scanning.reflex import (
+    STAND_OFF,
+    UNDECIDED_FRONT,
+    CriticalPoints,
+    arm_joints,
+)
+from ...server.perception.scanning.scanning import CONTOUR_EVERY, reach_of
+from ...server.units.unit import MOST
+from .findings import Finding, Severity, graded
+
+# --- Check of the arm in its own scans: margin, housings, and the plane around it -----------------
+LEAST, WISHED = 2.0, 3.0
+"""Standard deviations of distances that the margin covers: at least, and to be quiet [1]."""
+
+
+def own_rays(cell: Cell) -> Iterator[Finding]:
+    """Judge the own-ray margin, the links' radius and the plane; nothing without a contour."""
+    scanner, contour = cell.config.scanner, cell.config.contour
+    if scanner is None or contour is None:
+        return
+    radii = _radii(cell)
+    if radii.size:
+        yield _margin(cell, scanner, contour, float(radii.max()))
+        yield _radius(contour, float(radii.max()))
+    yield _plane(cell, contour)
+
+
+def _radii(cell: Cell) -> Array:
+    """Return the radii of the capsules that joints of the arm move [m]."""
+    capsules = Capsules(cell)
+    return capsules.radius[capsules.moves[:, arm_joints(cell)].any(axis=1)]
+
+
+def _margin(
+    cell: Cell, scanner: ScannerSection, contour: ContourReflexSection, radius: float
+) -> Finding:
+    """Judge the margin between noise and the obstacles that a chosen posture keeps."""
+    noise = INSIDE if cell.config.rig is None else cell.config.rig.scanner.noise
+    margin, most = scanner.self_margin, reach_of(contour).choose - radius
+    status = Severity.WARN if margin < WISHED * noise else Severity.OK
+    if margin < LEAST * noise or margin > most:
+        status = Severity.ERROR
+    return Finding(
+        "self margin",
+        status,
+        f"{margin:g} m, at least {LEAST * noise:.3g}, {LEAST:g} σ of the distances (better "
+        f"{WISHED * noise:.3g}), and at most {most:.3g}, or what a folded arm passes counts as "
+        "the arm",
+        {"self_margin": margin, "least": LEAST * noise, "most": most},
+    )
+
+
+def _radius(contour: ContourReflexSection, radius: float) -> Finding:
+    return Finding(
+        "contour radius",
+        Severity.ERROR if contour.link_radius < radius - 1e-6 else Severity.OK,
+        f"link_radius {contour.link_radius:g} m, at least {radius:.3g}: the widest capsule of the "
+        "arm",
+        {"link_radius": contour.link_radius, "least": radius},
+    )
+
+
+def _plane(cell: Cell, contour: ContourReflexSection) -> Finding:
+    """Judge whether the arm, as it drives, is inside of the plane: beyond it nothing is known."""
+    points, plane = (
+        CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot),
+        contour.plane,
+    )
+    ready = np.array(cell.config.mechanism.postures["ready"])[points.arm]
+    seen = points.of(ready[None])[0]
+    high = float(seen[:, 2].max()) + contour.link_radius
+    wide = 2.0 * max(
+        float(np.abs(seen[:, 1]).max()) + contour.link_radius, 0.5 * contour.base_width
+    )
+    status = Severity.ERROR if high > plane.height or wide > plane.width else Severity.OK
+    return Finding(
+        "contour plane",
+        status,
+        f"{plane.height:g} m high and {plane.width:g} m wide; arm at `ready` and base take "
+        f"{high:.3g} and {wide:.3g} of it",
+        {"height": plane.height, "width": plane.width, "high": high, "wide": wide},
+    )
+
+
+# --- Check of the way ahead: which cells of the contour the scanner sees, how far and how near ----
+DEPTH: Final = 0.05
+"""Depths that are looked at are so far apart [m]."""
+TILTS: Final = 31
+"""Angles of the sweep that are looked at [1]."""
+PIECES: Final = 40
+"""Points of a ray that are held against the arm's capsules [1]."""
+HIDDEN: Final = 0.25
+"""A larger part of the cells that the arm hides is worth a word [1]."""
+WAIT: Final = UNDECIDED_FRONT + STAND_OFF
+"""A base that waits stops so far before an obstacle, from the arm's foot [m]."""
+
+
+class SeenCells(NamedTuple):
+    """Cells (d, c) at some depths that any ray meets, and where its scanner is then."""
+
+    depths: Array
+    """(d,) [m] ahead of the arm's foot."""
+    cells: Array
+    """Middles (c, 2) by y and z from the foot [m]."""
+    seen: Flags
+    """(d, c)."""
+    tilt: Array
+    """Which angle of the sweep meets it (d, c), by number."""
+
+
+def sight(cell: Cell) -> Iterator[Finding]:
+    """Judge the view over the contour's cells; nothing without a contour.
+
+    Raises `ConfigError` for a link or joint that the URDF does not have.
+    """
+    scanner, contour = cell.config.scanner, cell.config.contour
+    if scanner is None or contour is None:
+        return
+    geometry = ScannerGeometry(cell)
+    knots = _knots(cell, geometry)
+    view = _view(scanner, contour, knots)
+    yield _near(contour, view)
+    yield _far(cell, scanner, contour)
+    yield _hidden(contour, view, knots, geometry.reach - scanner.self_margin)
+
+
+def _knots(cell: Cell, geometry: ScannerGeometry) -> Knots:
+    """Return the scanner's poses along its sweep, and the capsules of the arm at `ready`."""
+    mechanism = cell.config.mechanism
+    q = np.array(mechanism.postures["ready"])
+    tilts = [q]
+    if mechanism.sweep is not None:
+        at = [joint.name for joint in cell.robot.joints].index(mechanism.sweep.joint)
+        tilts = [q.copy() for _ in range(TILTS)]
+        for each, angle in zip(
+            tilts, np.linspace(mechanism.sweep.low, mechanism.sweep.high, TILTS), strict=True
+        ):
+            each[at] = angle
+    return geometry.knots(
+        [MeasuredInstant(k, float(k), q, Pose.identity()) for k, q in enumerate(tilts)]
+    )
+
+
+def _view(scanner: ScannerSection, contour: ContourReflexSection, knots: Knots) -> SeenCells:
+    """Return which cells the scan plane sweeps over, within the angles of its rays."""
+    plane, foot = contour.plane, np.array(contour.foot)
+    rows, columns = round(plane.height / plane.cell), round(plane.width / plane.cell)
+    i, j = (index.ravel() for index in np.indices((rows, columns)))
+    cells = np.stack([(j + 0.5) * plane.cell - 0.5 * plane.width, (i + 0.5) * plane.cell], axis=1)
+    depths = np.arange(DEPTH, plane.ahead + 1e-9, DEPTH)
+    seen = np.zeros((len(depths), len(cells)), dtype=bool)
+    tilt = np.zeros(seen.shape)
+    span = scanner.step * (scanner.rays - 1)
+    for d, depth in enumerate(depths):
+        points = np.column_stack([np.full(len(cells), depth), cells]) + foot
+        local = (points - knots.p[:, None]) @ knots.R
+        z = local[:, :, 2]
+        met = np.abs(z) <= 0.5 * plane.cell
+        if len(z) > 1:
+            met[:-1] |= z[:-1] * z[1:] <= 0.0
+        x, y = local[met, 0], local[met, 1]
+        met[met] = np.mod(np.arctan2(x, -y) - scanner.first, 2.0 * np.pi) <= span
+        seen[d], tilt[d] = met.any(axis=0), met.argmax(axis=0)
+    return SeenCells(depths, cells, seen, tilt)
+
+
+def _near(contour: ContourReflexSection, view: SeenCells) -> Finding:
+    """Judge how near each cell is still seen: all of them where the base stops and waits."""
+    seen = view.seen
+    # From where on is a cell seen, up to where it is acted upon?
+    blind = np.where(seen.all(axis=0), -1, len(seen) - 1 - np.argmin(seen[::-1], axis=0))
+    worst = int(np.argmax(blind))
+    y, z = view.cells[worst].tolist()
+    nearest = DEPTH if blind[worst] < 0 else float(view.depths[blind[worst]]) + DEPTH
+    values = {"nearest": nearest, "limit": WAIT, "y": y, "z": z}
+    where = f"the cell at y {y:.3g}, z {z:.3g} m"
+    if not seen[-1].all():
+        dead = int((~seen[-1]).sum())
+        text = (
+            f"{dead} of {len(view.cells)} cells are not seen {contour.plane.ahead:g} m ahead, "
+            "where the reflex begins: sweep, link and angles of the rays leave them out"
+        )
+        return Finding("sight near", Severity.ERROR, text, values | {"dead": dead})
+    return Finding(
+        "sight near",
+        graded(nearest, WAIT, WAIT),
+        f"all cells are seen from {contour.plane.ahead:g} m down to {nearest:.3g} m ahead of the "
+        f"foot, {where} the first to be lost; at most {WAIT:g}, where a base waits",
+        values | {"dead": 0},
+    )
+
+
+def _far(cell: Cell, scanner: ScannerSection, contour: ContourReflexSection) -> Finding:
+    """Judge from how far a bridge is seen: its cells are full after two sweeps.
+
+    As many hits as a cell needs, one of them inside: by the rays' angle, and the sweep's between
+    two scans.
+    """
+    plane, axis = contour.plane, cell.config.mechanism.sweep
+    inside = plane.cell - 2.0 * INSIDE
+    if inside <= 0.0:
+        return Finding(
+            "sight far",
+            Severity.ERROR,
+            f"contour.plane.cell = {plane.cell:g} m: must be above {2.0 * INSIDE:g}: no hit of a "
+            f"smaller one is {INSIDE:g} m inside of it, so nothing is ever seen",
+            {"cell": plane.cell, "limit": 2.0 * INSIDE},
+        )
+    if axis is None:
+        return Finding(
+            "sight far",
+            Severity.WARN,
+            "no sweep: a cell fills only while the base brings it through the scan's plane",
+        )
+    between = 2.0 * (axis.high - axis.low) / axis.period_s / scanner.rate_hz
+    passes = 4.0  # two sweeps, to and fro
+    hits = passes / (scanner.step * between)  # of 1 m² at 1 m
+    first = min(np.sqrt(hits / LEAST_HITS) * plane.cell, np.sqrt(hits) * inside)
+    return Finding(
+        "sight far",
+        Severity.ERROR if first < plane.ahead else graded(plane.collect, float(first), np.inf),
+        f"a bridge is seen from {first:.3g} m on, its cells full after two sweeps; at least "
+        f"ahead = {plane.ahead:g}",
+        {"first": float(first), "ahead": plane.ahead, "collect": plane.collect},
+    )
+
+
+def _hidden(contour: ContourReflexSection, view: SeenCells, knots: Knots, radii: Array) -> Finding:
+    """Judge how many cells are behind the arm at `ready`, seen where a base waits."""
+    d = int(np.flatnonzero(view.depths <= WAIT + 1e-9)[-1])
+    points = np.column_stack([np.full(len(view.cells), view.depths[d]), view.cells])
+    tilt = view.tilt[d].astype(int)
+    start, toward = knots.p[tilt], points + np.array(contour.foot) - knots.p[tilt]
+    share = (np.arange(PIECES) + 0.5) / PIECES
+    rays = start[:, None] + share[:, None] * toward[:, None]
+    hidden = np.zeros(len(points), dtype=bool)
+    for c, radius in enumerate(radii):
+        a, b = knots.ends[0, 2 * c], knots.ends[0, 2 * c + 1]
+        length = max(float((b - a) @ (b - a)), 1e-12)
+        t = np.clip((rays - a) @ (b - a) / length, 0.0, 1.0)
+        off = np.linalg.norm(rays - a - t[..., None] * (b - a), axis=2)
+        hidden |= off.min(axis=1) < radius
+    part = float(hidden.mean())
+    return Finding(
+        "sight hidden",
+        graded(part, HIDDEN, 1.0),
+        f"the arm at `ready` hides {int(hidden.sum())} of {len(hidden)} cells "
+        f"{view.depths[d]:.3g} m ahead: they are bridged, or remembered",
+        {"hidden": int(hidden.sum()), "cells": len(hidden)},
+    )
+
+
+# --- Check of the axis that sweeps a laser scanner, and of the scanner's own time -----------------
+def sweep(cell: Cell) -> Iterator[Finding]:
+    """Judge the sweep's speed, and the scanner that it carries; nothing without either."""
+    mechanism, scanner = cell.config.mechanism, cell.config.scanner
+    if mechanism.sweep is not None:
+        yield _sweep_speed(cell, mechanism.sweep)
+        if scanner is not None:
+            yield _carried(cell, mechanism.sweep, scanner)
+    if scanner is not None:
+        yield _turn(scanner)
+        yield _silence(scanner)
+
+
+def _sweep_speed(cell: Cell, axis: SweepSection) -> Finding:
+    """Judge the speed: a slower sweep has not seen everything when the arm decides."""
+    drive = next(d for d in cell.config.mechanism.drives if d.joint == axis.joint)
+    rate, most = 2.0 * (axis.high - axis.low) / axis.period_s, MOST * drive.max_velocity
+    return Finding(
+        "sweep speed",
+        graded(rate, most, most),
+        f"{axis.low:g} to {axis.high:g} rad in half of {axis.period_s:g} s takes {rate:.3g} rad/s "
+        f"of {axis.joint}, at most {most:.3g}: {MOST:.0%} of max_velocity",
+        {"rate": rate, "limit": most},
+    )
+
+
+def _carried(cell: Cell, axis: SweepSection, scanner: ScannerSection) -> Finding:
+    """Judge whether the scanner is on the axis; an unknown link is told where the sight is."""
+    model = Forest(cell).branches[0].model
+    frame = model.frames[model.getFrameId(scanner.link)]
+    on_it = model.getJointId(axis.joint) in model.supports[frame.parentJoint].tolist()
+    return Finding(
+        "sweep scanner",
+        Severity.OK if on_it else Severity.ERROR,
+        f"{axis.joint} {'turns' if on_it else 'does not turn'} scanner.link = '{scanner.link}'",
+        {"joint": axis.joint, "link": scanner.link},
+    )
+
+
+def _turn(scanner: ScannerSection) -> Finding:
+    """Judge the rays' span: a mirror passes each angle once in a scan."""
+    span = scanner.step * (scanner.rays - 1)
+    return Finding(
+        "scanner rays",
+        graded(span, 2.0 * math.pi, 2.0 * math.pi),
+        f"{scanner.rays} rays span {math.degrees(span):.4g}°, at most 360°",
+        {"span": span, "limit": 2.0 * math.pi},
+    )
+
+
+def _silence(scanner: ScannerSection) -> Finding:
+    """Judge the time after which a scanner counts as silent: one contour may be lost."""
+    contour_s = CONTOUR_EVERY / scanner.rate_hz
+    status = Severity.ERROR if scanner.silent_s < 2.0 * contour_s else Severity.OK
+    return Finding(
+        "scanner silence",
+        status,
+        f"silent_s {scanner.silent_s:g} s, at least {2.0 * contour_s:g}: two contours of "
+        f"{CONTOUR_EVERY} scans at {scanner.rate_hz:g} Hz",
+        {"silent_s": scanner.silent_s, "least": 2.0 * contour_s},
+    )
+
+
+# --- Check of a base's wheels: their places in the URDF, and the speeds that driving takes --------
+NOTICE_OFF, MOST_OFF = 0.01, 0.05
+"""A radius or track that is wrong by these shares spoils the odometry by as much [1]."""
+
+
+def wheels(cell: Cell) -> Iterator[Finding]:
+    """Judge the wheels of a base; nothing without one."""
+    base, rolling = cell.config.mechanism.base, DifferentialDrive.from_cell(cell)
+    if base is None or rolling is None:
+        return
+    yield _places(cell, base)
+    yield _wheel_speed(cell, base, rolling)
+
+
+def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
+    """Judge radius and track against the wheels' axles in the URDF; Base is on the floor."""
+    model, told = Forest(cell).branches[0].model, base.wheels
+    left, right = (
+        model.jointPlacements[model.getJointId(name)].translation
+        for name in (told.left, told.right)
+    )
+    track, radius = float(left[1] - right[1]), float(0.5 * (left[2] + right[2]))
+    off = max(abs(track / told.track - 1.0), abs(radius / told.radius - 1.0))
+    return Finding(
+        "base wheels",
+        graded(off, NOTICE_OFF, MOST_OFF),
+        f"axles {track:g} m apart from right to left and {radius:g} m high in the URDF; track "
+        f"{told.track:g} and radius {told.radius:g} in the cell: {off:.1%} off, at most {MOST:.0%}",
+        {"urdf_track": track, "urdf_radius": radius, "off": off, "limit": MOST_OFF},
+    )
+
+
+def _wheel_speed(cell: Cell, base: DifferentialBaseSection, rolling: DifferentialDrive) -> Finding:
+    """Judge the wheels' speed bounds: straight on, and with all of the turning beside it."""
+    drives = {drive.joint: drive.max_velocity for drive in cell.config.mechanism.drives}
+    least = min(drives[base.wheels.left], drives[base.wheels.right])
+    straight = float(rolling.wheels(base.speed, 0.0).max())
+    alone = float(rolling.wheels(0.0, base.angular_speed).max())
+    both = straight + alone
+    status = Severity.ERROR if max(straight, alone) > least else graded(both, least, both)
+    return Finding(
+        "base speed",
+        status,
+        f"the faster wheel turns at {straight:.3g} rad/s straight on, {alone:.3g} on the spot, "
+        f"{both:.3g} with both; max_velocity {least:g}",
+        {"straight": straight, "on_the_spot": alone, "both": both, "max_velocity": least},
+    )

@@ -1,0 +1,514 @@
+"""Capsules around links: read from meshes and primitives, fitted, and merged."""
+
+import itertools
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from ...config.errors import ConfigError
+from ...config.urdf.elements import check_shape
+from ...config.urdf.meshes import find_mesh, read_mesh
+
+# --- Shapes of links: the triangles of their meshes and primitives, in the links' frames ----------
+Array = NDArray[np.float64]
+_ROUND = 16
+"""Corners of a circle that stands for a round primitive [1]."""
+LARGEST = 100.0
+"""A link whose mesh is larger is one in millimetres, or none [m]."""
+
+
+class LinkMesh(NamedTuple):
+    """Triangles (t, 3, 3) of a link's shape [m], in its frame."""
+
+    link: str
+    triangles: Array
+    from_visual: bool
+    """True where the link has no collision shape, and what is looked at stands for it."""
+
+
+class Hull(NamedTuple):
+    """The convex hull of a shape."""
+
+    volume: float
+    """[m³]."""
+    centre: Array
+    """Centre of volume (3,) [m]."""
+    moments: Array
+    """∫ (|r|² 1 − r rᵀ) dV about the centre (3, 3) [m⁵]."""
+
+
+def link_shape(
+    link: ET.Element,
+    urdf: Path,
+    packages: Mapping[str, Path],
+    *,
+    meshes_only: bool = False,
+    around: bool = True,
+) -> LinkMesh | None:
+    """Return the shape of a link, or None for one that has none.
+
+    With `meshes_only`, of a link with collision shapes those that are meshes. Corners of round
+    primitives lie `around` them, so that they hold all of it, or on them. Raises `ConfigError`
+    for a mesh that is not found or cannot be read, with file, link and name.
+    """
+    name = link.get("name", "")
+    collisions, visuals = link.findall("collision"), link.findall("visual")
+    chosen = collisions or visuals
+    found = []
+    for element in chosen:
+        where = f"{urdf}: link '{name}': <{element.tag}>"
+        check_shape(element, f"{urdf}: link '{name}'")
+        geometry = element.find("geometry")
+        if geometry is None or (meshes_only and collisions and geometry.find("mesh") is None):
+            continue
+        R, p = placement(element)
+        scale = 1.0 / math.cos(math.pi / _ROUND) if around else 1.0
+        found.append(_triangles(geometry[0], where, urdf, packages, scale) @ R.T + p)
+    if not found:
+        return None
+    triangles = np.concatenate(found)
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    if size > LARGEST:
+        raise ConfigError(
+            f"{urdf}: link '{name}': its shape is {size:.3g} m long: meshes in millimetres have "
+            '<mesh scale="0.001 0.001 0.001">'
+        )
+    return LinkMesh(name, triangles, not collisions)
+
+
+def hull_of(points: Array) -> Hull | None:
+    """Return the convex hull of points (p, 3); None for points that span no volume."""
+    corners = coal.StdVec_Vec3s()
+    for point in points:
+        corners.append(point)
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) < 4 or spread[2] < 1e-6 * max(spread[0], 1e-12):
+        return None
+    try:
+        hull = coal.Convex.convexHull(corners, True, "Qt")
+    except (RuntimeError, ValueError):
+        return None
+    volume = float(hull.computeVolume())
+    if not volume > 1e-12:
+        return None
+    centre = np.array(hull.computeCOM())
+    moments = np.array(hull.computeMomentofInertiaRelatedToCOM())
+    return Hull(volume, centre, moments)
+
+
+def placement(element: ET.Element | None) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and translation (3,) of an element's `<origin>`."""
+    origin = None if element is None else element.find("origin")
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    roll, pitch, yaw = (float(x) for x in origin.get("rpy", "0 0 0").split())
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    R = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    return R, np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
+
+
+def _triangles(
+    shape: ET.Element, where: str, urdf: Path, packages: Mapping[str, Path], wider: float
+) -> Array:
+    """Return the triangles of one shape; round primitives are `wider` than they are."""
+    if shape.tag == "mesh":
+        name = shape.get("filename", "")
+        path = find_mesh(name, urdf, packages)
+        if path is None:
+            package = name.partition("://")[2].partition("/")[0]
+            hint = f"; say where it is: --package {package}=DIR" if "package://" in name else ""
+            raise ConfigError(f"{where}: <mesh filename>: value '{name}': no such file{hint}")
+        scale = np.array([float(x) for x in shape.get("scale", "1 1 1").split()])
+        return np.asarray(_mesh(path, where) * scale)
+    up = np.array([0.0, 0.0, 1.0])
+    if shape.tag == "box":
+        half = 0.5 * np.array([float(x) for x in shape.get("size", "").split()])
+        square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+        return _between([(square - up) * half, (square + up) * half])
+    radius = float(shape.get("radius", "0"))
+    half_length = 0.5 * float(shape.get("length", "0"))
+    turns = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
+    outside = radius * wider
+    circle = np.stack([np.cos(turns), np.sin(turns), np.zeros(_ROUND)], axis=1)
+    if shape.tag == "cylinder":
+        return _between([outside * circle + s * half_length * up for s in (-1.0, 1.0)])
+    tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
+    middle = half_length if shape.tag == "capsule" else 0.0
+    return _between(
+        [
+            outside * (math.cos(a) * circle + math.sin(a) * up) + math.copysign(middle, a) * up
+            for a in tilts
+        ]
+    )
+
+
+def _mesh(path: Path, where: str) -> Array:
+    try:
+        return np.concatenate([np.asarray(part.triangles) for part in read_mesh(path)])
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def _between(rings: list[Array]) -> Array:
+    """Return the closed surface (t, 3, 3) through rings of k corners (k, 3), and two lids."""
+    sides = []
+    for low, high in itertools.pairwise(rings):
+        after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+        sides += [np.stack([low, after_low, high], axis=1)]
+        sides += [np.stack([after_low, after_high, high], axis=1)]
+    for lid in (rings[0], rings[-1]):
+        first = np.broadcast_to(lid[0], lid[1:-1].shape)
+        sides += [np.stack([first, lid[1:-1], lid[2:]], axis=1)]
+    return np.concatenate(sides)
+
+
+# --- Capsules around a link's shape: one to three, as tight as a local search finds them ----------
+#
+# Each holds all corners of its piece of the shape; pieces are cut by planes, and what lies
+# between two planes lies in the convex hull of its surface there. So their union holds the
+# shape.
+WORTH: Final = 0.85
+"""Each capsule more has to leave less than this part of the volume that all hold [1]."""
+MOST: Final = 3
+"""Capsules of a link [1]."""
+_CUTS: Final = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""Where a shape is cut along an axis, by its length [1]."""
+_RADII: Final = np.array([1.0, 1.02, 1.05, 1.1, 1.2, 1.35])
+_HERE: Final = np.zeros(4)
+_STEPS: Final = (0.3, 0.15, 0.07, 0.03, 0.012, 0.005)
+_SPARE: Final = 2e-4
+"""Added to every radius: numbers are written with four digits [m]."""
+_CORNERS: Final = 240
+"""Corners that a search looks at; the end is held against all [1]."""
+_TRIANGLES: Final = 600
+"""Triangles that a search for cuts looks at [1]."""
+_SAMPLES: Final = 20_000
+
+
+class Tube(NamedTuple):
+    """A capsule in a link's frame."""
+
+    start: Array
+    end: Array
+    radius: float
+
+    def volume(self) -> float:
+        """Return its volume [m³]."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return math.pi * self.radius**2 * (length + 4.0 / 3.0 * self.radius)
+
+    def distance(self, points: Array) -> Array:
+        """Return the distances (p,) of points (p, 3) from it, negative inside [m]."""
+        along = self.end - self.start
+        length2 = max(float(along @ along), 1e-18)
+        part = np.clip((points - self.start) @ along / length2, 0.0, 1.0)
+        off = points - self.start - part[:, None] * along
+        return np.asarray(np.sqrt((off * off).sum(axis=1)) - self.radius)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Return which of some points (p, 3) are inside (p,)."""
+        return np.asarray(self.distance(points) <= 0.0)
+
+
+class Fit(NamedTuple):
+    """The capsules of a link, and how tight they are."""
+
+    link: str
+    tubes: tuple[Tube, ...]
+    ratio: float
+    """Volume of their union by that of the shape's convex hull [1]; inf for a flat shape."""
+    source: str
+    """Shape that they hold, in words."""
+    holds: tuple[str, ...] = ()
+    """Links that have none of their own: these hold their shapes, too."""
+
+
+def fit(shape: LinkMesh) -> Fit:
+    """Return one to three capsules that hold a shape."""
+    triangles = shape.triangles
+    best: tuple[Tube, ...] = (around(triangles.reshape(-1, 3)),)
+    few = extreme(triangles.reshape(-1, 3))
+    axes = np.linalg.svd(few - few.mean(axis=0), full_matrices=False)[2]
+    coarse = triangles[:: max(1, len(triangles) // _TRIANGLES)]
+    for count in range(2, MOST + 1):
+        trials = [
+            tubes
+            for axis in axes
+            for cuts in _places(count)
+            if (tubes := _in_pieces(coarse, axis, cuts, quick=True))
+        ]
+        if not trials:
+            continue
+        quick = min(range(len(trials)), key=lambda i: _volume(trials[i][0]))
+        _, along, at = trials[quick]
+        exact = _in_pieces(triangles, along, at, quick=False)
+        if exact is not None and union(exact[0]) < WORTH ** (count - len(best)) * union(best):
+            best = exact[0]
+    found = tuple(Tube(t.start.round(4), t.end.round(4), t.radius) for t in best)
+    hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * _CORNERS))
+    ratio = math.inf if hull is None else union(found) / hull.volume
+    source = "its visual shape" if shape.from_visual else "its collision shape"
+    return Fit(shape.link, found, ratio, source)
+
+
+def _places(count: int) -> list[tuple[float, ...]]:
+    if count == 2:
+        return [(c,) for c in _CUTS]
+    return [(0.2, 0.8), (0.33, 0.67), (0.25, 0.5), (0.5, 0.75), (0.15, 0.5), (0.5, 0.85)]
+
+
+_Pieces = tuple[tuple[Tube, ...], Array, tuple[float, ...]]
+
+
+def _in_pieces(
+    triangles: Array, axis: Array, cuts: tuple[float, ...], *, quick: bool
+) -> _Pieces | None:
+    """Return the capsules of the pieces between cuts along an axis; None where one is empty."""
+    low, high = float((triangles @ axis).min()), float((triangles @ axis).max())
+    tubes, rest = [], triangles
+    for cut in cuts:
+        piece, rest = _cut(rest, axis, low + cut * (high - low))
+        if len(piece) == 0 or len(rest) == 0:
+            return None
+        tubes.append(around(piece.reshape(-1, 3), quick=quick))
+    tubes.append(around(rest.reshape(-1, 3), quick=quick))
+    return tuple(tubes), axis, cuts
+
+
+def _cut(triangles: Array, axis: Array, at: float) -> tuple[Array, Array]:
+    """Return triangles below and above a plane; those that it crosses are in both, cut there."""
+    height = triangles @ axis - at
+    below, above = (height <= 0.0).all(axis=1), (height >= 0.0).all(axis=1)
+    crossed, h = triangles[~(below | above)], height[~(below | above)]
+    sides = []
+    for sign in (1.0, -1.0):
+        # A corner on the other side slides to the plane, once along each of its edges.
+        out = sign * h > 0.0
+        for k in range(2):
+            moved = crossed.copy()
+            for corner in range(3):
+                other = (corner + 1 + k) % 3
+                use = out[:, corner] & ~out[:, other]
+                third = (corner + 2 - k) % 3
+                use_third = out[:, corner] & out[:, other] & ~out[:, third]
+                for mask, to in ((use, other), (use_third, third)):
+                    span = h[mask, corner] - h[mask, to]
+                    part = (h[mask, corner] / np.where(span == 0.0, 1.0, span))[:, None]
+                    moved[mask, corner] = (1.0 - part) * crossed[mask, corner] + part * crossed[
+                        mask, to
+                    ]
+            sides.append(moved)
+    return (
+        np.concatenate([triangles[below], sides[0], sides[1]]),
+        np.concatenate([triangles[above], sides[2], sides[3]]),
+    )
+
+
+def around(points: Array, *, quick: bool = False) -> Tube:
+    """Return a small capsule that holds points (p, 3)."""
+    few = extreme(points)
+    centre = 0.5 * (few.min(axis=0) + few.max(axis=0))
+    size = max(float(np.ptp(few, axis=0).max()), 1e-4)
+    axes = np.linalg.svd(few - few.mean(axis=0), full_matrices=False)[2]
+    axes = np.concatenate([axes, np.eye(3)]) if not quick else axes
+    frames = sorted((_frame(axis) for axis in axes), key=lambda f: _best(few, _HERE, f, centre)[0])
+    found = []
+    for frame in frames[: 1 if quick else 2]:
+        x, cost = _HERE, _best(few, _HERE, frame, centre)[0]
+        for step in _STEPS[:: 2 if quick else 1]:
+            for _ in range(2 if quick else 4):
+                before = cost
+                for k in range(4):
+                    for sign in (step, -step):
+                        y = x.copy()
+                        y[k] += sign * (1.0 if k < 2 else size)
+                        value = _best(few, y, frame, centre)[0]
+                        if value < cost:
+                            x, cost = y, value
+                            break
+                if cost == before:
+                    break
+        found.append((cost, frame, x))
+    _, frame, x = min(found, key=lambda f: f[0])
+    return _best(points, x, frame, centre)[1]
+
+
+def _best(points: Array, x: Array, frame: Array, centre: Array) -> tuple[float, Tube]:
+    """Return the least volume of capsules along one line that hold points, and that capsule."""
+    axis = frame[2] + x[0] * frame[0] + x[1] * frame[1]
+    axis = axis / np.linalg.norm(axis)
+    through = centre + x[2] * frame[0] + x[3] * frame[1]
+    off = points - through
+    along = off @ axis
+    apart2 = np.maximum((off * off).sum(axis=1) - along * along, 0.0)
+    radius = math.sqrt(float(apart2.max())) * _RADII + 1e-9  # (r,)
+    half = np.sqrt(np.maximum(radius[:, None] ** 2 - apart2, 0.0))
+    start, end = (along + half).min(axis=1), (along - half).max(axis=1)
+    ball = start > end
+    middle = 0.5 * (start + end)
+    start, end = np.where(ball, middle, start), np.where(ball, middle, end)
+    volume = math.pi * radius**2 * (end - start + 4.0 / 3.0 * radius)
+    k = int(volume.argmin())
+    tube = Tube(through + start[k] * axis, through + end[k] * axis, float(radius[k]) + _SPARE)
+    return float(volume[k]), tube
+
+
+def _frame(axis: Array) -> Array:
+    """Return three directions (3, 3), the last of which is `axis`."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(axis, other)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first), axis])
+
+
+def extreme(points: Array, most: int = _CORNERS) -> Array:
+    """Return those of many points that are the farthest in some direction."""
+    if len(points) <= most:
+        return points
+    draw, across = np.random.default_rng(0).normal(size=(most, 3)), points.T.copy()
+    found = [(draw[i : i + 16] @ across).argmax(axis=1) for i in range(0, most, 16)]
+    return np.asarray(points[np.unique(np.concatenate(found))])
+
+
+def _volume(tubes: tuple[Tube, ...]) -> float:
+    return sum(tube.volume() for tube in tubes)
+
+
+def union(tubes: tuple[Tube, ...]) -> float:
+    """Return the volume of capsules, what they share once [m³]."""
+    if len(tubes) == 1:
+        return tubes[0].volume()
+    low = np.min([np.minimum(t.start, t.end) - t.radius for t in tubes], axis=0)
+    high = np.max([np.maximum(t.start, t.end) + t.radius for t in tubes], axis=0)
+    points = np.random.default_rng(0).uniform(low, high, size=(_SAMPLES, 3))
+    inside = np.any([t.holds(points) for t in tubes], axis=0)
+    return float(np.prod(high - low) * inside.mean())
+
+
+# --- Fewer capsules for parts that belong to one body: what is near each other gets one for both
+#
+# A cell has room for so many. Parts that stand need the least detail, so they are merged first;
+# a link that is left with no capsule of its own is named by the one that holds it.
+MOST_OF_CELL: Final = 64
+"""Capsules of a cell [1]."""
+
+
+class Place(NamedTuple):
+    """Where a link is: fixed to a body, which the joint of that name moves; none moves ``."""
+
+    body: str
+    R: Array
+    p: Array
+
+
+@dataclass(eq=False)
+class _Item:
+    """One capsule in its body's frame, the link that it is named after, and all that it holds."""
+
+    body: str
+    link: str
+    tube: Tube
+    of: set[str]
+
+
+def merged(fits: Sequence[Fit], places: Mapping[str, Place], most: int) -> list[Fit]:
+    """Return capsules of the same links, at most so many where each body has one left."""
+    items = [
+        _Item(places[fit.link].body, fit.link, _placed(tube, places[fit.link]), {fit.link})
+        for fit in fits
+        for tube in fit.tubes
+    ]
+    for may in (lambda body: not body, lambda _body: True):
+        while len(items) > most and (pair := _cheapest(items, may)) is not None:
+            a, b = pair
+            larger = a if a.tube.volume() >= b.tube.volume() else b
+            both = _Item(a.body, larger.link, _around_both(a.tube, b.tube), a.of | b.of)
+            items = [item for item in items if item not in (a, b)] + [both]
+    return _by_link(items, fits, places)
+
+
+def _cheapest(items: list[_Item], may: Callable[[str], bool]) -> tuple[_Item, _Item] | None:
+    """Return the two of one body whose common capsule adds least volume; None for no two."""
+    best, least = None, np.inf
+    for j, b in enumerate(items):
+        for a in items[:j]:
+            if a.body == b.body and may(a.body):
+                whole = _through_the_ends(a.tube, b.tube).volume()
+                added = whole - a.tube.volume() - b.tube.volume()
+                if added < least:
+                    best, least = (a, b), added
+    return best
+
+
+def _by_link(items: list[_Item], fits: Sequence[Fit], places: Mapping[str, Place]) -> list[Fit]:
+    """Return the capsules in the frames of the links that they are named after."""
+    named = {item.link for item in items}
+    found: list[Fit] = []
+    for fit in fits:
+        own = [item for item in items if item.link == fit.link]
+        if not own:
+            continue
+        bare = {link for item in own for link in item.of} - named
+        told = {link for earlier in found for link in earlier.holds}
+        if len(own) == len(fit.tubes) and all(item.of == {fit.link} for item in own):
+            found.append(fit)
+            continue
+        tubes = tuple(_seen_from(item.tube, places[fit.link]) for item in own)
+        source = "its shape and others'" if bare - told else "its shape"
+        found.append(Fit(fit.link, tubes, fit.ratio, source, tuple(sorted(bare - told))))
+    return found
+
+
+def _around_both(a: Tube, b: Tube) -> Tube:
+    """Return a small capsule that holds two: their balls at the ends are enough."""
+    rough, fine = _through_the_ends(a, b), around(np.concatenate([_points(a), _points(b)]))
+    fine = _grown(fine.start, fine.end, (a, b))
+    return min(rough, fine, key=Tube.volume)
+
+
+def _through_the_ends(a: Tube, b: Tube) -> Tube:
+    """Return the capsule along the longest line between ends of two that holds both."""
+    ends = [a.start, a.end, b.start, b.end]
+    pairs = [(ends[i], ends[j]) for j in range(4) for i in range(j)]
+    start, end = max(pairs, key=lambda pair: float(np.linalg.norm(pair[0] - pair[1])))
+    return _grown(start, end, (a, b))
+
+
+def _grown(start: Array, end: Array, tubes: Sequence[Tube]) -> Tube:
+    """Return the capsule around a segment that holds others."""
+    line = Tube(start, end, 0.0)
+    far = [line.distance(np.stack([t.start, t.end])).max() + t.radius for t in tubes]
+    return Tube(start, end, float(max(far)) + 1e-4)
+
+
+def _points(tube: Tube) -> Array:
+    """Return points on the surface of a capsule's ends."""
+    k = np.arange(40) + 0.5
+    up, turn = 1.0 - 2.0 * k / 40.0, np.pi * (1.0 + 5.0**0.5) * k
+    level = np.sqrt(1.0 - up * up)
+    ball = np.column_stack([level * np.cos(turn), level * np.sin(turn), up]) * tube.radius
+    return np.concatenate([tube.start + ball, tube.end + ball])
+
+
+def _placed(tube: Tube, at: Place) -> Tube:
+    return Tube(at.R @ tube.start + at.p, at.R @ tube.end + at.p, tube.radius)
+
+
+def _seen_from(tube: Tube, at: Place) -> Tube:
+    start, end = (tube.start - at.p) @ at.R, (tube.end - at.p) @ at.R
+    # Rounded to four digits in the file: a tenth of a millimetre off, at most.
+    return Tube(start.round(4), end.round(4), tube.radius + 1e-4)

@@ -1,1 +1,0 @@
-"""Shapes of links: files of meshes, triangles, and the capsules around them."""

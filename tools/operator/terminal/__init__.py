@@ -1,1 +1,0 @@
-"""Teleoperation from a keyboard."""

@@ -1,1 +1,0 @@
-"""Recorded runs as tables: arrays, parquet, and data sets to learn from."""

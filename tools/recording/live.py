@@ -1,0 +1,383 @@
+"""`telerobot record`: all that a running cell says and does, for viewers and for replay."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from ...config.load import Cell, ConfigError
+from ...drivers.bus import BusErrors, CanBus, open_bus
+from ...drivers.device import DeviceError
+from ...drivers.network.identity import identity_of
+from ...drivers.network.sensor_session import dial
+from ...drivers.network.session import Session, TopicBuffer
+from ...protocols import topics as t
+from ...protocols.codec import CodecError, decode
+from ...protocols.messages.messages import Message
+from ...protocols.messages.perception import ScanPoints
+from ...protocols.messages.telemetry import Event, RecordedTick, State
+from ...protocols.topics import Role
+from ...server.control.proximity.capsules import Forest
+from ...server.control.spatial import Array, Pose
+from ..host.address import cell_from
+from ..host.local_plant import until_told
+from .recorder import Recorder
+
+# --- The files of one recording: a new one when the last is large, each with the whole cell in it
+Open = Callable[[Path], Recorder]
+"""Opens a file. Raises `OSError`."""
+
+
+class Files:
+    """Recorders one after the other: `STEM_0000.mcap`, `STEM_0001.mcap`, …"""
+
+    def __init__(
+        self, folder: Path, stem: str, cell: Cell, largest: int, opened: Open = Recorder
+    ) -> None:
+        """Open the first; a file that has `largest` bytes is the last but one.
+
+        Raises `OSError`.
+        """
+        self._folder, self._stem, self._cell, self._largest = folder, stem, cell, largest
+        self._open, self._number = opened, 0
+        folder.mkdir(parents=True, exist_ok=True)
+        self.now = self._next()
+        """The recorder to write to."""
+
+    def turn(self) -> None:
+        """Hand what is written to the system, and begin a new file when it is time.
+
+        Raises `OSError`, as for a disk that is full.
+        """
+        self.now.flush()
+        if self.now.size >= self._largest:
+            self.now.close()
+            self.now = self._next()
+
+    def close(self) -> None:
+        """Finish the last one. Raises `OSError`."""
+        self.now.close()
+
+    def _next(self) -> Recorder:
+        recorder = self._open(self._folder / f"{self._stem}_{self._number:04d}.mcap")
+        recorder.about(self._cell, part=str(self._number))
+        self._number += 1
+        return recorder
+
+
+# --- A running cell in the schemas that Foxglove, PlotJuggler and Rerun know: Foxglove's protobuf
+#
+# Frames are those of the URDF's links, `World`, and the MRF; with several arms a link's name
+# begins with its mechanism's.
+WORLD: Final = "World"
+LEVELS: Final = {"info": "INFO", "warning": "WARNING", "error": "ERROR"}
+"""Foxglove's levels of a log line, by an event's severity."""
+
+
+def require_schemas() -> None:
+    """Raise `ConfigError` where Foxglove's schemas are not installed."""
+    if find_spec("foxglove_schemas_protobuf") is None:
+        raise ConfigError("recording needs Foxglove's schemas: pip install 'telerobot[record]'")
+
+
+class Viewer:
+    """Turns what a cell tells into messages for viewers."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build it. Raises `ConfigError` where the schemas are missing."""
+        require_schemas()
+        self._cell = cell
+        self._branches = Forest(cell).branches
+
+    def of_state(self, state: State, stamp_ns: int) -> Iterator[tuple[str, Any]]:
+        """Yield topic and message of a state: joints and frames."""
+        yield "joint_states", self._joints(state, stamp_ns)
+        yield "tf", self._frames(state, stamp_ns)
+
+    def of_event(self, event: Event, stamp_ns: int) -> tuple[str, Any]:
+        """Return topic and message of an event: a line of a log."""
+        from foxglove_schemas_protobuf.Log_pb2 import Log
+
+        words = f"{event.name}: {event.detail}" if event.detail else event.name
+        log = Log(
+            level=Log.Level.Value(LEVELS[event.severity]),
+            message=words,
+            name=self._cell.config.name,
+        )
+        log.timestamp.FromNanoseconds(stamp_ns)
+        return "log", log
+
+    def of_picture(self, camera: str, data: bytes, stamp_ns: int) -> tuple[str, Any]:
+        """Return topic and message of a PNG picture of a camera."""
+        from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+        image = CompressedImage(frame_id=camera, data=data, format="png")
+        image.timestamp.FromNanoseconds(stamp_ns)
+        return f"pictures/{camera}", image
+
+    def of_scan(self, scan: ScanPoints, stamp_ns: int) -> tuple[str, Any]:
+        """Return topic and message of a laser scan's points: a cloud in World."""
+        from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+        from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+        points = np.frombuffer(scan.points_mm, "<i4").reshape(-1, 3)
+        cloud = PointCloud(
+            frame_id=WORLD,
+            point_stride=12,
+            fields=[
+                PackedElementField(name=axis, offset=4 * i, type=PackedElementField.FLOAT32)
+                for i, axis in enumerate("xyz")
+            ],
+            data=(1e-3 * points).astype("<f4").tobytes(),
+        )
+        cloud.pose.orientation.w = 1.0
+        cloud.timestamp.FromNanoseconds(stamp_ns)
+        return "points", cloud
+
+    def _joints(self, state: State, stamp_ns: int) -> Any:
+        from foxglove_schemas_protobuf.JointState_pb2 import JointState
+        from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+
+        rates = state.dq_command
+        joints = [
+            JointState(name=name, position=q, velocity=dq, effort=tau)
+            for name, q, dq, tau in zip(self._cell.joints, state.q, rates, state.tau, strict=True)
+        ]
+        message = JointStates(joints=joints)
+        message.timestamp.FromNanoseconds(stamp_ns)
+        return message
+
+    def _frames(self, state: State, stamp_ns: int) -> Any:
+        from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+        from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+
+        found, first, base = [], 0, state.frames.get("base")
+        for branch in self._branches:
+            q = np.array(state.q[first : first + branch.n])
+            first += branch.n
+            # Only the Base of an only arm moves.
+            T_world_base = branch.T_world_base if base is None else _pose(base)
+            for name, T in branch.links(q).items():
+                found.append((f"{branch.prefix}{name}", T_world_base @ T))
+        found.append(("MRF", _pose(state.pose_mrf_measured)))
+        message = FrameTransforms()
+        for name, T in found:
+            transform = FrameTransform(parent_frame_id=WORLD, child_frame_id=name)
+            transform.timestamp.FromNanoseconds(stamp_ns)
+            place, turn = transform.translation, transform.rotation
+            place.x, place.y, place.z = T.p.tolist()
+            turn.x, turn.y, turn.z, turn.w = _quaternion(T.R)
+            message.transforms.append(transform)
+        return message
+
+
+def _pose(six: tuple[float, ...]) -> Pose:
+    return Pose.from_xyz_rpy(six[:3], six[3:])
+
+
+def _quaternion(R: Array) -> tuple[float, float, float, float]:
+    """Return x, y, z, w of a rotation (3, 3) (Shepperd 1978)."""
+    diagonal = np.diagonal(R)
+    parts = np.array([*diagonal, diagonal.sum()])
+    i = int(parts.argmax())
+    if i == 3:
+        q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + parts[3]])
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = np.empty(4)
+        q[i] = 1.0 + 2.0 * R[i, i] - parts[3]
+        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
+        q[3] = R[k, j] - R[j, k]
+    x, y, z, w = (q / np.linalg.norm(q)).tolist()
+    return x, y, z, w
+
+
+def picture_in(data: bytes) -> bytes:
+    """Return the PNG of a recorded picture. Raises `ConfigError` where the schemas are missing."""
+    require_schemas()
+    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+    picture: bytes = CompressedImage.FromString(data).data
+    return picture
+
+
+# --- Sources of a recorder: all topics that it may hear, frames on all buses, pictures in a folder
+DEPTH: Final = 1000
+"""Messages of a topic that wait for the recorder: ten seconds of telemetry [1]."""
+
+MOST_FRAMES: Final = 2000
+"""CAN frames of a bus that are taken at once [1]."""
+
+SHOWN_EVERY_NS: Final = 30_000_000
+"""Joints and frames are written for viewers at most this often [ns]; states always."""
+
+PNG_END: Final = b"IEND\xaeB`\x82"
+"""The last bytes of a picture that is written to its end."""
+
+
+class Ear(NamedTuple):
+    """A topic that is listened to."""
+
+    topic: t.Topic
+    inbox: TopicBuffer
+
+
+class CellRecorder:
+    """Hears one cell, and writes it to files."""
+
+    def __init__(self, cell: Cell, session: Session, files: Files, pictures: Path | None) -> None:
+        """Begin to listen; `notices` tells what cannot be heard."""
+        self._files, self._pictures, self._viewer = files, pictures, Viewer(cell)
+        # Requests are answered by one: who overhears them would be asked in the daemon's place.
+        # What they did is told by events. Video is made for whoever looks at it now; the small
+        # pictures are recorded.
+        self._ears = [
+            Ear(topic, session.subscribe(topic, DEPTH))
+            for topic in t.TOPICS
+            if not topic.flow.asks and topic is not t.VIDEO and session.may_hear(topic)
+        ]
+        self._seen: dict[Path, int] = {}
+        self._due_ns = 0
+        self.heard = 0
+        """Messages and frames that were written."""
+        self.notices: list[str] = []
+        self._buses: list[tuple[int, CanBus]] = []
+        for i, bus in enumerate(cell.config.fieldbuses):
+            try:
+                self._buses.append((i, open_bus(bus)))
+            except DeviceError as error:
+                self.notices.append(f"its frames are not recorded: {error}")
+
+    def turn(self) -> None:
+        """Write what has come by now. Raises `OSError` where it cannot be written."""
+        for ear in self._ears:
+            for payload in islice(ear.inbox.take(), DEPTH):
+                self._message(ear.topic, payload, time.time_ns())
+        for i, bus in self._buses:
+            self._frames(i, bus)
+        if self._pictures is not None:
+            for camera, data in self._new_pictures(self._pictures):
+                self._files.now.proto(*_stamped(self._viewer, camera, data))
+                self.heard += 1
+        self._files.turn()
+
+    def close(self) -> None:
+        """Leave the buses, and finish the file. Raises `OSError`."""
+        for _, bus in self._buses:
+            bus.shutdown()
+        self._files.close()
+
+    def _message(self, topic: t.Topic, payload: bytes, stamp_ns: int) -> None:
+        try:
+            message = decode(topic, payload)
+        except CodecError:
+            return  # the daemon refuses it, and tells so by an event
+        self.heard += 1
+        file = self._files.now
+        if isinstance(message, RecordedTick):
+            file.ticks(message.stamp_ns, message.data, message.memory)
+            return
+        if isinstance(message, ScanPoints):
+            file.scan(stamp_ns / 1e9, message.points_mm)
+            file.proto(*_at(stamp_ns, self._viewer.of_scan(message, stamp_ns)))
+            return
+        file.message(NAMES.get(topic.key, topic.key), stamp_ns / 1e9, message)
+        for name, shown in self._shown(message, stamp_ns):
+            file.proto(name, stamp_ns, shown)
+
+    def _shown(self, message: Message, stamp_ns: int) -> Iterator[tuple[str, object]]:
+        if isinstance(message, State):
+            if stamp_ns >= self._due_ns:
+                self._due_ns = stamp_ns + SHOWN_EVERY_NS
+                yield from self._viewer.of_state(message, stamp_ns)
+        elif isinstance(message, Event):
+            yield self._viewer.of_event(message, stamp_ns)
+
+    def _frames(self, i: int, bus: CanBus) -> None:
+        for _ in range(MOST_FRAMES):
+            try:
+                message = bus.recv(0)
+            except BusErrors:
+                return  # it is down: the daemon tells of it, and it may come back
+            if message is None:
+                return
+            self.heard += 1
+            self._files.now.frame(
+                message.timestamp, message.arbitration_id, bytes(message.data), sent=False, bus=i
+            )
+
+    def _new_pictures(self, folder: Path) -> Iterator[tuple[str, bytes]]:
+        """Yield camera and bytes of PNG files that are new, as `telerobot vision` writes them."""
+        for path in folder.glob("*.png"):
+            try:
+                stamp, data = path.stat().st_mtime_ns, b""
+                if self._seen.get(path) != stamp:
+                    data = path.read_bytes()
+            except OSError:
+                continue  # it was just replaced
+            if data.endswith(PNG_END):
+                self._seen[path] = stamp
+                yield path.stem, data
+
+
+NAMES: Final = {"tlm/state": "state", "tlm/event": "event", "rig/truth": "truth",
+                "tlm/reflection": "reflection", "sensor/contour": "contour"}  # fmt: skip
+"""Topics under the names that the recording of a simulation gives them, for `telerobot plot`."""
+
+
+def _at(stamp_ns: int, shown: tuple[str, object]) -> tuple[str, int, object]:
+    return shown[0], stamp_ns, shown[1]
+
+
+def _stamped(viewer: Viewer, camera: str, data: bytes) -> tuple[str, int, object]:
+    stamp_ns = time.time_ns()
+    return _at(stamp_ns, viewer.of_picture(camera, data, stamp_ns))
+
+
+# --- `telerobot record CELL`: a running cell as MCAP files, by a process of its own ---------------
+POLL_S: Final = 0.01
+RETRY_S: Final = 0.5
+"""While nobody answers, the daemon is dialled again after [s]."""
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until told to end. Raises `ConfigError`, `OSError` for a folder that takes no file."""
+    require_schemas()
+    cell = cell_from(args)
+    identity = identity_of(cell, Role.OBSERVER, "recorder")
+    over = until_told(args.seconds)
+    stem = f"{cell.config.name}_{datetime.now(UTC).strftime('%Y%m%dT%H%M%SZ')}"
+    files = Files(args.out, stem, cell, round(args.split * 1e6))
+    session = dial(cell, identity, over)
+    if session is None:
+        files.close()
+        return 0
+    try:
+        return record(CellRecorder(cell, session, files, args.pictures), files, over)
+    finally:
+        session.close()
+
+
+def record(listener: CellRecorder, files: Files, over: Callable[[], bool]) -> int:
+    """Write what is heard until it is over; return 1 where it could not be written any more."""
+    for notice in listener.notices:
+        print(f"telerobot: {notice}", file=sys.stderr, flush=True)
+    print(f"telerobot: recording to {files.now.path}", flush=True)
+    try:
+        while not over():
+            listener.turn()
+            time.sleep(POLL_S)
+        listener.turn()
+        listener.close()
+    except OSError as error:
+        print(f"telerobot: recording ended: {files.now.path}: {error.strerror}", file=sys.stderr)
+        return 1
+    print(f"{listener.heard} messages and frames, the last to {files.now.path}")
+    return 0

@@ -1,1 +1,0 @@
-"""Recording of a running cell: a process of its own."""

@@ -1,1 +1,0 @@
-"""A recorded run on a time line, in the browser."""

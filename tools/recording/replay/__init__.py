@@ -1,1 +1,0 @@
-"""Replay of recorded ticks, bit by bit."""

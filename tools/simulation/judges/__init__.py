@@ -1,1 +1,0 @@
-"""Judges of a simulated run: setpoints on the bus, tool, view, payload, tunnel."""
