@@ -1,9 +1,10 @@
 """The contract that every device driver keeps, roles of devices, and what can be wrong with one."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar, Final, NamedTuple, Protocol, Self
+from typing import ClassVar, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +21,12 @@ from ..protocols.canopen.cia402 import DriveState, Status
 #
 # `open` may block and raises `DeviceError`; it runs in BOOT and READY only. `read` and `write`
 # never block: `read` returns what the device last said, with its age, and never invents a state
-# that was not received; `write` returns what was really sent. `stop` asks the device to come to
-# rest by its own means, at once, and is safe to call in any state, more than once. `close`
-# leaves the device de-energised where it can be, and never raises.
+# that was not received. `stop` asks the device to come to rest by its own means, at once, and is
+# safe to call in any state, more than once. `close` leaves the device de-energised where it can
+# be, and never raises.
 #
-# `Device` is the part that all devices share; `device.py` adds what the server asks of a joint's
-# drive, a wrench sensor or an output. `kinds.py` lists the kinds of devices there are.
+# `Device` is the part that all devices share; the rest of this module adds what the server asks
+# of joints' drives, a wrench sensor or an output. `kinds.py` lists the kinds of devices.
 
 Value = str | int | float | bool | None
 """Value in an event or in telemetry."""
@@ -90,10 +91,6 @@ class Device(ABC):
         """Bring the device up and configure it. May block. Raises `DeviceError`."""
 
     @abstractmethod
-    def read(self) -> Reading:
-        """Return the newest reading; ages count up to `Fieldbus.now`."""
-
-    @abstractmethod
     def stop(self) -> None:
         """Let the device stop by its own means, now."""
 
@@ -110,7 +107,15 @@ class Device(ABC):
         return {}
 
 
-# --- Status of a servo drive, its last setpoint, and which statuswords are wrong ------------------
+class Peripheral(Device):
+    """A device beside the drives, which is read by itself."""
+
+    @abstractmethod
+    def read(self) -> Reading:
+        """Return the newest reading; ages count up to `Fieldbus.now`."""
+
+
+# --- Status of servo drives, and which statuswords are wrong --------------------------------------
 
 MOST_MISSED_SYNCS: Final = 3
 """More SYNCs than this without an answer mean that the drive is lost."""
@@ -124,42 +129,25 @@ SWITCH_OFF_S: Final = 1.0
 do it by itself: closing a brake and a quick stop's ramp take less [s]."""
 
 
-class ServoReading(NamedTuple):
-    """Last status of the drive. Until its first TPDO there is none: `ready` is false."""
+class DriveReadings(NamedTuple):
+    """What n drives last told; a drive that has not answered yet is in no state."""
 
-    ready: bool
-    fresh: bool
-    """It answered the newest SYNC."""
-    age_syncs: int
-    """SYNCs sent since the one that it last answered."""
-    sampled_s: float | None
-    """When it sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not
-    known. Stamps of the bus have another clock."""
-    position_rad: float | None
-    torque_nm: float | None
-    velocity_rad_s: float | None
-    """None: TPDO1 has no room for it."""
-    state: DriveState | None
-    """None also when the statusword means no state."""
+    heard: bool
+    """Every drive has answered once."""
+    age_syncs: tuple[int, ...]
+    """SYNCs sent since the one that each last answered."""
+    sampled_s: tuple[float | None, ...]
+    """When each sampled, at the SYNC that it answered [s], on `Fieldbus.clock`; None: not known.
+    Stamps of the bus have another clock."""
+    q: NDArray[np.float64]
+    """Angles of their joints (n,) [rad]; of no meaning where one has not answered."""
+    tau: NDArray[np.float64]
+    """Their torques (n,) [N·m]."""
+    states: tuple[DriveState | None, ...]
+    """None also where the statusword means no state."""
     obeyed: bool
-    """The state was sampled after what the drive was last told to do took effect."""
-    statusword: int
-    trouble: Trouble | None
-
-    @classmethod
-    def of_none(cls, age_syncs: int, trouble: Trouble | None) -> Self:
-        """Return the reading of a drive that has not answered yet."""
-        return cls(False, False, age_syncs, None, None, None, None, None, False, 0, trouble)
-
-
-class Sent(NamedTuple):
-    """Setpoint that `write` really sent; None while the drive's position is not known."""
-
-    controlword: int
-    raw: int | None
-    """The setpoint as it went out, in the drive's own unit."""
-    command: float | None
-    """The same in the joint's: rad, rad/s or N·m."""
+    """Every state was sampled after what its drive was last told to do took effect."""
+    troubles: tuple[Trouble | None, ...]
 
 
 def wrong_emergency(code: int) -> tuple[Cause, str, dict[str, str | int]]:
@@ -223,28 +211,16 @@ class MeanWrench:
 
 
 class JointDrive(Device):
-    """Drive of one joint, whose setpoint is rad, rad/s or N·m as its operation mode is."""
+    """Drive of one joint, whose setpoint is rad, rad/s or N·m as its operation mode is.
 
-    answer_stamp: float
-    """The bus' stamp of the newest answer to a SYNC [s], on the bus' own clock."""
+    It is opened, asked and stopped by itself; all of a cell are read and written together, by the
+    `JointDrives` that it makes with others of its kind.
+    """
 
-    @property
+    @classmethod
     @abstractmethod
-    def answered(self) -> bool:
-        """True once the drive has answered the newest SYNC."""
-
-    @property
-    def emergency(self) -> Trouble | None:
-        """Trouble that the drive tells of at once, asked by no SYNC; None where it tells none."""
-        return None
-
-    @abstractmethod
-    def read(self) -> ServoReading:
-        """Return the newest answer, and what is wrong with it."""
-
-    @abstractmethod
-    def write(self, command: float) -> Sent:
-        """Send a setpoint; return what was sent. Raises `ValueError` for one out of range."""
+    def together(cls, drives: "Sequence[JointDrive]") -> "JointDrives":
+        """Return what reads and writes drives of this kind, in this order."""
 
     @abstractmethod
     def request_enable(self) -> None:
@@ -272,7 +248,31 @@ class JointDrive(Device):
         """
 
 
-class WrenchSensor(Device):
+class JointDrives(ABC):
+    """The cyclic part of n drives: what they tell, and the setpoints that they are sent."""
+
+    @abstractmethod
+    def answered(self) -> tuple[bool, ...]:
+        """Return which drives have answered the newest SYNC."""
+
+    @abstractmethod
+    def stamp(self, drive: int) -> float:
+        """Return the bus' stamp of a drive's newest answer to a SYNC [s], on the bus' own clock."""
+
+    @abstractmethod
+    def emergency(self) -> Trouble | None:
+        """Return trouble that a drive tells of at once, asked by no SYNC; None where none does."""
+
+    @abstractmethod
+    def read(self) -> DriveReadings:
+        """Return the newest answers, and what is wrong with each drive."""
+
+    @abstractmethod
+    def write(self, command: NDArray[np.float64]) -> None:
+        """Send setpoints (n,), all or none. Raises `ValueError` for one out of range."""
+
+
+class WrenchSensor(Peripheral):
     """Force/torque sensor at the wrist."""
 
     @abstractmethod
@@ -284,7 +284,7 @@ class WrenchSensor(Device):
         """Return the mean of the samples since the last call; None before the first sample."""
 
 
-class SwitchedOutput(Device):
+class SwitchedOutput(Peripheral):
     """Something that is switched on and off."""
 
     @abstractmethod

@@ -300,7 +300,7 @@ class Cycle:
         refusal = next((o.refusal for o in outputs if o.refusal is not None), None)
         if refusal is not None and self.mode is not Mode.FAULT:
             self._quick_stop("gate", refusal, "gate_refused")
-        self.plant.write([x for output in outputs for x in output.command.tolist()])
+        self.plant.write(np.concatenate([output.command for output in outputs]))
         for unit, memory, output in zip(units, nexts, outputs, strict=True):
             self.plant.switch(unit.outputs)
             unit.keep(self.tick, memory, output)

@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from ..drivers.device import (
     Cause,
     Device,
     DeviceError,
+    DriveReadings,
     JointDrive,
     MeanWrench,
-    ServoReading,
+    Peripheral,
     SwitchedOutput,
     Trouble,
     Value,
@@ -96,26 +95,27 @@ class _UnitDevices:
         drives = [d for d in devices if isinstance(d, JointDrive)]
         self.joints = slice(first, first + len(drives))
         """Where they are among all drives of the cell."""
-        self._sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
-        beside = [d for d in drives if self._sensor and d.bus == self._sensor.bus]
-        self._beside = (*beside, *drives)[0]
+        self._sensor = sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
+        beside = [i for i, d in enumerate(drives) if sensor is not None and d.bus == sensor.bus]
+        self.beside = first + (*beside, 0)[0]
         """Drive whose answers share the clock of the sensor's stamps."""
 
     def read(
-        self, readings: Sequence[ServoReading], q: Array | None, enabled: bool, opened: bool
+        self, told: DriveReadings, q: Array | None, enabled: bool, opened: bool, stamp: float
     ) -> UnitReading:
-        """Return the newest readings; `readings` and `q` are those of all drives of the cell."""
-        own = readings[self.joints]
+        """Return the newest readings; `told` and `q` are of all drives of the cell.
+
+        `stamp` [s] is that of the answer to the SYNC at which all drives sampled.
+        """
+        own = self.joints
         sample = None if self._sensor is None or not opened else self._sensor.read()
         mean = None if self._sensor is None else self._sensor.mean()
-        # The drive's answer comes right after the SYNC at which all of them sampled.
-        stamp = self._beside.answer_stamp
         fresh = sample is not None and sample.wrench is not None and sample.trouble is None
         return UnitReading(
-            q=None if q is None else q[self.joints],
-            sampled_s=_together(own),
-            tau=np.array([r.torque_nm or 0.0 for r in own]),
-            states=tuple(r.state for r in own),
+            q=None if q is None else q[own],
+            sampled_s=_together(told.sampled_s[own]),
+            tau=told.tau[own],
+            states=told.states[own],
             enabled=enabled,
             wrench=sample.wrench if sample is not None and fresh else None,
             wrench_age_s=None if sample is None else sample.age_s,
@@ -136,11 +136,13 @@ class Plant:
         self.drives = tuple(d for d in devices if isinstance(d, JointDrive))
         """In the order of the joints."""
         self.opened = False
-        self._others = tuple(d for d in devices if not isinstance(d, JointDrive))
+        self.cyclic = type(self.drives[0]).together(self.drives)
+        """What reads and writes the drives."""
+        self._others = tuple(d for d in devices if isinstance(d, Peripheral))
         self._outputs = {d.name: d for d in devices if isinstance(d, SwitchedOutput)}
-        self._by_bus: dict[str, list[JointDrive]] = {}
-        for drive in self.drives:
-            self._by_bus.setdefault(drive.bus, []).append(drive)
+        names = [drive.bus for drive in self.drives]
+        self._by_bus = {bus: [i for i, b in enumerate(names) if b == bus] for bus in names}
+        """Places of the drives on each bus."""
         self._units: list[_UnitDevices] = []
         first = 0
         for part in range(max((d.part or 0 for d in self.devices), default=0) + 1):
@@ -168,7 +170,7 @@ class Plant:
     def answered(self) -> bool:
         """Take in what has come; return whether every drive has answered the last SYNC."""
         self.buses.receive(self.buses.now())
-        return all(drive.answered for drive in self.drives)
+        return all(self.cyclic.answered())
 
     def emergency(self) -> Trouble | None:
         """Return the trouble that the drives are to be stopped for with the next SYNC, or None.
@@ -179,50 +181,44 @@ class Plant:
         a daemon or a network that stood still for a moment is the likelier cause: that is judged
         drive by drive, in `read`.
         """
-        if self.buses.trouble is not None:
-            return self.buses.trouble
-        for drive in self.drives:
-            trouble = drive.emergency
-            if trouble is not None:
-                return trouble
-        if len(self._by_bus) == 1:
+        trouble = self.buses.trouble or self.cyclic.emergency()
+        if trouble is not None or len(self._by_bus) == 1:
+            return trouble
+        answered = self.cyclic.answered()
+        silent = {b: not any(answered[i] for i in own) for b, own in self._by_bus.items()}
+        if all(silent.values()):
             return None
-        silent = [not any(d.answered for d in drives) for drives in self._by_bus.values()]
-        if not any(silent) or all(silent):
-            return None
-        for (bus, drives), quiet in zip(self._by_bus.items(), silent, strict=True):
-            if quiet and len(drives) > 1:
-                return _bus_silent(bus, drives)
+        for bus, quiet in silent.items():
+            if quiet and len(self._by_bus[bus]) > 1:
+                return self._bus_silent(bus)
         return None
 
     def read(self, now_s: float) -> PlantReading:
         """Return the newest readings of all devices."""
         self.buses.receive(now_s)
-        readings = [drive.read() for drive in self.drives]
-        angles = [r.position_rad for r in readings]
-        heard = self.opened and all(a is not None for a in angles)
-        q = np.array(angles, dtype=float) if heard else None
-        states = tuple(r.state for r in readings)
-        obeyed = all(r.obeyed for r in readings)
-        enabled = obeyed and all(s is DriveState.OPERATION_ENABLED for s in states)
-        trouble = self._find_trouble(readings)
-        units = tuple(unit.read(readings, q, enabled, self.opened) for unit in self._units)
+        told = self.cyclic.read()
+        q = told.q if self.opened and told.heard else None
+        enabled = told.obeyed and all(s is DriveState.OPERATION_ENABLED for s in told.states)
+        trouble = self._find_trouble(told.troubles)
+        units = tuple(
+            unit.read(told, q, enabled, self.opened, self.cyclic.stamp(unit.beside))
+            for unit in self._units
+        )
         return PlantReading(
             q=q,
-            tau=units[0].tau if len(units) == 1 else np.concatenate([u.tau for u in units]),
-            states=states,
-            obeyed=obeyed,
+            tau=told.tau,
+            states=told.states,
+            obeyed=told.obeyed,
             enabled=enabled,
             units=units,
             trouble=trouble if self.opened else None,
             interlock=self._interlock() if self.opened else None,
-            values={d.name: told for d in self._others if (told := d.values())},
+            values={d.name: shown for d in self._others if (shown := d.values())},
         )
 
-    def write(self, command: Sequence[float]) -> None:
+    def write(self, command: Array) -> None:
         """Send every drive its setpoint (n,): rad, rad/s or N·m, as the operation mode is."""
-        for drive, setpoint in zip(self.drives, command, strict=True):
-            drive.write(setpoint)
+        self.cyclic.write(command)
 
     def switch(self, outputs: Mapping[str, bool]) -> None:
         """Keep outputs on or off, by name; one that is not named stays as it is."""
@@ -272,14 +268,13 @@ class Plant:
                 device.close()
         self.buses.close()
 
-    def _find_trouble(self, readings: list[ServoReading]) -> Trouble | None:
+    def _find_trouble(self, of_drives: Sequence[Trouble | None]) -> Trouble | None:
         """Return the first trouble that no device can go on with: of a bus, drives, others."""
-        for bus in self.buses:
-            if bus.trouble is not None:
-                return bus.trouble
-        for i, reading in enumerate(readings):
-            if reading.trouble is not None:
-                return self._silent_bus(self.drives[i], readings) or reading.trouble
+        if self.buses.trouble is not None:
+            return self.buses.trouble
+        for drive, trouble in zip(self.drives, of_drives, strict=True):
+            if trouble is not None:
+                return self._silent_bus(drive.bus, of_drives) or trouble
         for device in self._others:
             if device.vital:
                 trouble = device.read().trouble
@@ -287,18 +282,17 @@ class Plant:
                     return trouble
         return None
 
-    def _silent_bus(self, drive: JointDrive, readings: list[ServoReading]) -> Trouble | None:
-        """Return that a whole bus is silent, where that explains a drive's trouble."""
-        bus = drive.bus
-        troubles = [
-            reading.trouble
-            for other, reading in zip(self.drives, readings, strict=True)
-            if other.bus == bus
-        ]
-        lost = [t for t in troubles if t is not None and t.cause is Cause.PDO_LOST]
-        if len(troubles) < 2 or len(lost) < len(troubles):
-            return None
-        return _bus_silent(bus, self._by_bus[bus])
+    def _silent_bus(self, bus: str, of_drives: Sequence[Trouble | None]) -> Trouble | None:
+        """Return that a whole bus is silent, where that explains the trouble of a drive on it."""
+        own = [of_drives[i] for i in self._by_bus[bus]]
+        lost = [t for t in own if t is not None and t.cause is Cause.PDO_LOST]
+        return None if len(own) < 2 or len(lost) < len(own) else self._bus_silent(bus)
+
+    def _bus_silent(self, bus: str) -> Trouble:
+        """Return that none of the drives of a bus answers."""
+        own = [self.drives[i].name for i in self._by_bus[bus]]
+        detail = f"none of its {len(own)} drives answers, {own[0]} to {own[-1]}"
+        return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(own)})
 
     def _interlock(self) -> str | None:
         for device in self._others:
@@ -308,17 +302,10 @@ class Plant:
         return None
 
 
-def _bus_silent(bus: str, drives: Sequence[JointDrive]) -> Trouble:
-    """Return that none of the drives of a bus answers."""
-    detail = f"none of its {len(drives)} drives answers, {drives[0].name} to {drives[-1].name}"
-    return Trouble(Cause.BUS_SILENT, bus, detail, {"drives": len(drives)})
-
-
-def _together(readings: Sequence[ServoReading]) -> float | None:
-    """Return when the drives sampled, if all did at one instant [s]."""
-    first = readings[0].sampled_s
-    for reading in readings:
-        at_s = reading.sampled_s
+def _together(sampled_s: Sequence[float | None]) -> float | None:
+    """Return when drives sampled, if all did at one instant [s]."""
+    first = sampled_s[0]
+    for at_s in sampled_s:
         if first is None or at_s is None or abs(at_s - first) > TOGETHER_S:
             return None
     return first

@@ -14,7 +14,7 @@ from ...config.schema.mechanism import GripperSection
 from ...protocols.canopen import can301, cia401
 from ...protocols.canopen.can301 import PDO_INVALID, NmtState
 from ...protocols.canopen.can301 import CommunicationObject as Com
-from ..device import Cause, Device, DeviceError, SwitchedOutput, Trouble, Value
+from ..device import Cause, DeviceError, Peripheral, SwitchedOutput, Trouble, Value
 from ..fieldbus import Fieldbus
 
 # --- A CANopen node that is configured once and watched by its heartbeat, as I/O modules are ------
@@ -107,7 +107,7 @@ class SwitchReading:
     trouble: Trouble | None
 
 
-class EnablingInput(Device):
+class EnablingInput(Peripheral):
     """Lets the arm move only while the switch is held; keeps the contract of `device.py`.
 
     The module answers every SYNC with its inputs, so that a broken wire is noticed within a few

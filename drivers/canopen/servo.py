@@ -1,22 +1,31 @@
-"""A CiA 402 servo drive in a cyclic synchronous mode, as one joint."""
+"""CiA 402 servo drives in a cyclic synchronous mode: each by itself, and all in a period."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import can
 import canopen
+import numpy as np
 from canopen.emcy import EmcyError
 from canopen.sdo.exceptions import SdoError
+from numpy.typing import NDArray
 
 from ...config.schema.cell import TimingSection
 from ...config.schema.mechanism import DriveSection
 from ...protocols.canopen import can301, cia402
 from ...protocols.canopen.can301 import CommunicationObject as Com
 from ...protocols.canopen.can301 import EmcyCode, FrameError, NmtState
-from ...protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode, Unwrapped
+from ...protocols.canopen.cia402 import (
+    Controlword,
+    DriveState,
+    Object,
+    OperationMode,
+    Status,
+    Unwrapped,
+)
 from ..device import (
     MOST_MISSED_SYNCS,
     OBEYED_SYNCS,
@@ -24,9 +33,9 @@ from ..device import (
     SWITCH_OFF_S,
     Cause,
     DeviceError,
+    DriveReadings,
     JointDrive,
-    Sent,
-    ServoReading,
+    JointDrives,
     Trouble,
     wrong_emergency,
     wrong_status,
@@ -61,36 +70,6 @@ def next_word(
     if state is DriveState.QUICK_STOP_ACTIVE and overdue:
         return Controlword.DISABLE_VOLTAGE
     return cia402.next_controlword(state, target)
-
-
-# --- Where a drive's joint is, by its counter of 32 bits: that of a wheel wraps -------------------
-
-
-class JointPosition:
-    """Position of one drive's joint; an `endless` one, a wheel, has no limits."""
-
-    def __init__(self, drive: DriveSection, endless: bool) -> None:
-        self._drive, self._endless = drive, endless
-        self._turns = Unwrapped()
-        self._counts = 0
-
-    def limits(self, lower: float, upper: float) -> tuple[float, float]:
-        """Return the range of 607Dh for a joint with these limits [rad]."""
-        return servo_setup.whole_range(self._drive) if self._endless else (lower, upper)
-
-    def take(self, counts: int) -> None:
-        """Take in a reading of 6064h."""
-        self._counts = self._turns.take(counts) if self._endless else counts
-
-    @property
-    def rad(self) -> float:
-        """The joint's angle [rad]."""
-        return servo_setup.to_radians(self._drive, self._counts)
-
-    @property
-    def in_range(self) -> float:
-        """The angle for which 607Dh needs room [rad]; wherever a wheel stands, it has enough."""
-        return self._drive.zero_rad if self._endless else self.rad
 
 
 # --- Objects of a servo drive that depend on where its joint stands: room (607Dh), torque (60B2h)
@@ -185,20 +164,56 @@ class StopRamp:
         yield SetupWrite(communication, 1, U32, self._id)
 
 
-# --- A CiA 402 servo drive in a cyclic synchronous mode, as one joint -----------------------------
+# --- What is known of n drives and asked of them, as arrays: each drive owns a place in them -----
 
 BOOT_TIMEOUT_S: Final = 2.0
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _DISABLED: Final = DriveState.SWITCH_ON_DISABLED
+_STATES: Final = (*DriveState, None)
+"""States by their code; the last one is of a statusword that means none."""
+_STATE_BITS: Final = 0x6F
+_WELL_MASK: Final = _STATE_BITS | Status.VOLTAGE_ENABLED | Status.FOLLOWING_ERROR
+_WELL: Final = cia402.STATE_BITS[DriveState.OPERATION_ENABLED] | Status.VOLTAGE_ENABLED
+"""Bits of a statusword with which nothing is wrong."""
+
+
+def _code(bits: int) -> int:
+    with suppress(FrameError):
+        return _STATES.index(cia402.decode_state(bits))
+    return _STATES.index(None)
+
+
+_CODES: Final = bytes(_code(bits) for bits in range(_STATE_BITS + 1))
+"""Code of the state that a statusword's bits mean."""
+_ENABLED_CODE: Final = _STATES.index(_ENABLED)
+
+
+class _Status:
+    """What n drives told and were told, one entry each; counts are of SYNCs."""
+
+    def __init__(self, n: int) -> None:
+        self.feedback = bytearray(n * cia402.FEEDBACK.size)
+        """TPDO1 of all drives as they came, one after the other."""
+        self.heard, self.enabling, self.seen_enabled, self.stopped = [[False] * n for _ in range(4)]
+        self.answered, self.told, self.stamp = [0] * n, [0] * n, [0.0] * n
+        self.reset: list[int | None] = [None] * n
+        """When a reset of its fault was asked for; None for none."""
+        self.sampled_s: list[float | None] = [None] * n
+        self.heartbeat_s: list[float | None] = [None] * n
+        self.troubles: list[Trouble | None] = [None] * n
+        self.alarmed: set[int] = set()
+        """Drives that told of something, asked by no SYNC."""
+
+
+# --- A CiA 402 servo drive in a cyclic synchronous mode, as one joint -----------------------------
 
 
 class ServoDrive(JointDrive):
     """One joint's drive; keeps the contract of `device.py`.
 
     `lower` and `upper` are the joint's limits [rad] (607Dh); `mode` says what a setpoint is: rad in
-    CSP, rad/s in CSV, N·m in CST; `eds` names the drive's objects. A wheel is `endless`.
-    `read` judges by what `Fieldbus.receive` dispatched and by its `now`. The first trouble stays
-    until `request_fault_reset` finds its cause gone; a node that restarted has lost its
+    CSP, rad/s in CSV, N·m in CST; `eds` names the drive's objects. A wheel is `endless`: its
+    counter of 32 bits wraps, and it has no limits. A node that restarted has lost its
     configuration and needs `open` again.
     """
 
@@ -214,66 +229,69 @@ class ServoDrive(JointDrive):
         eds: Path | None = None,
         endless: bool = False,
     ) -> None:
-        self.drive, self.name = drive, drive.joint
-        self._mode = mode
-        self._setpoint = Setpoint(drive, mode)
-        self._bus, self.bus = fieldbus, fieldbus.name
-        self._timing = timing
-        self._position = JointPosition(drive, endless)
-        self._limits = lower, upper = self._position.limits(lower, upper)
-        self.answer_stamp = 0.0
-        """The bus' stamp of the newest TPDO1, which a SYNC asked for [s], on the bus' own clock."""
+        self.drive, self.name, self.mode = drive, drive.joint, mode
+        self.setpoint = Setpoint(drive, mode)
+        self.fieldbus, self.bus = fieldbus, fieldbus.name
+        self.timing = timing
+        self.turns = Unwrapped() if endless else None
+        """Counts of a wheel."""
+        self._limits = servo_setup.whole_range(drive) if endless else (lower, upper)
         self.node = fieldbus.add_node(drive.node, eds)
-        self._standstill = Standstill(self.node, drive, mode, lower, upper)
+        self._standstill = Standstill(self.node, drive, mode, *self._limits)
         self.node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self.node.emcy.add_callback(self._on_emcy)
         self._tpdo_id = can301.tpdo1_id(drive.node)
         fieldbus.listen(self._tpdo_id, self._on_feedback)
-        self._rpdo_id = can301.rpdo1_id(drive.node)
+        self.rpdo_id = can301.rpdo1_id(drive.node)
         self.ramp: StopRamp | None = None
         """Tells the drive the ramp of a quick stop, set before it is opened; None: its own."""
         self._booted = self._opened = False
+        self.move(_Status(1), 0)
+
+    @classmethod
+    def together(cls, drives: Sequence[JointDrive]) -> "ServoDrives":
+        """Return what reads and writes these drives, in this order."""
+        return ServoDrives([drive for drive in drives if isinstance(drive, cls)])
+
+    def move(self, status: _Status, place: int) -> None:
+        """Take a place in the arrays of several drives. It has told nothing yet."""
+        self._s, self._i = status, place
+        size = cia402.FEEDBACK.size
+        self._bytes = slice(place * size, (place + 1) * size)
         self._forget()
 
     def _forget(self) -> None:
-        self._feedback: cia402.Feedback | None = None
-        self._state: DriveState | None = None
-        self._answered_sync = self._told_sync = self._bus.sync_count
-        self._sampled_s: float | None = None
-        self._heartbeat_s: float | None = None
-        self._was_operational = self._seen_enabled = self._stopped = False
+        s, i, count = self._s, self._i, self.fieldbus.sync_count
+        s.feedback[self._bytes] = bytes(cia402.FEEDBACK.size)
+        s.heard[i] = s.enabling[i] = s.seen_enabled[i] = s.stopped[i] = False
+        s.answered[i] = s.told[i] = count
+        s.reset[i] = s.sampled_s[i] = s.heartbeat_s[i] = s.troubles[i] = None
+        self._was_operational = False
         self._restarted: int | None = None
         self._emcy: EmcyError | None = None
-        self._target = _DISABLED
-        self._reset_sync: int | None = None
-        self._trouble: Trouble | None = None
+        s.alarmed.discard(i)
 
     def open(self) -> None:
         """Reset the node's communication, configure it and start it. Blocks; `DeviceError`."""
         self._booted = self._opened = False
-        self._bus.expect_no_answers(self._tpdo_id)
+        self.fieldbus.expect_no_answers(self._tpdo_id)
         try:
             self.node.nmt.send_command(can301.NmtCommand.RESET_COMMUNICATION)
-            if not self._bus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
+            if not self.fieldbus.wait_until(lambda: self._booted, BOOT_TIMEOUT_S):
                 missing = f"no boot-up message within {BOOT_TIMEOUT_S} s of a reset"
                 raise DeviceError(f"{self.name} (node {self.drive.node}): {missing}")
             servo_setup.configure(
-                self.node, self.drive, self._timing, *self._limits, self._mode, self._bus.pause
+                self.node, self.drive, self.timing, *self._limits, self.mode, self.fieldbus.pause
             )
             if self.ramp is not None:
                 self.ramp.map()
             self._standstill.configured()
-            self._bus.expect_answers(self._tpdo_id)
+            self.fieldbus.expect_answers(self._tpdo_id)
             self.node.nmt.send_command(can301.NmtCommand.START)
         except can.CanError as error:
             raise DeviceError(f"{self.name} (node {self.drive.node}): {error}") from error
         self._forget()
         self._opened = True
-
-    @property
-    def answered(self) -> bool:
-        """True once the drive has answered the newest SYNC."""
-        return self._feedback is not None and self._answered_sync == self._bus.sync_count
 
     @property
     def emergency(self) -> Trouble | None:
@@ -289,177 +307,251 @@ class ServoDrive(JointDrive):
         cause, detail, values = wrong_emergency(self._emcy.code)
         return self._wrong(cause, detail, **values, register=self._emcy.register)
 
-    def read(self) -> ServoReading:
-        """Return what the drive last said, and what is wrong with it."""
-        age = self._bus.sync_count - self._answered_sync
-        self._heartbeat_s = self._bus.now if self._heartbeat_s is None else self._heartbeat_s
-        wrong = self._judge(age)
-        if self._reset_sync is not None:
-            # A drive that has not spoken since is not yet well: it may still be in its fault.
-            if wrong is None and self._feedback is not None:
-                self._trouble, self._reset_sync = None, None
-            elif self._bus.sync_count - self._reset_sync > RESET_SYNCS:
-                self._trouble, self._reset_sync = wrong, None
-        elif self._trouble is None:
-            self._trouble = wrong
-        last, drive = self._feedback, self.drive
-        if last is None:
-            return ServoReading.of_none(age, self._trouble)
-        return ServoReading(
-            ready=True,
-            fresh=age == 0,
-            age_syncs=age,
-            sampled_s=self._sampled_s,
-            position_rad=self._position.rad,
-            torque_nm=last.torque * 1e-3 * drive.rated_torque * drive.direction,
-            velocity_rad_s=None,
-            state=self._state,
-            obeyed=self._obeyed,
-            statusword=last.statusword,
-            trouble=self._trouble,
-        )
-
     def prepare(self, torque: float) -> bool:
         """Tell the drive the room and the torque [N·m] that its joint needs where it stands.
 
         To be called with its power off, before it is enabled. Returns whether anything had to
         change: then it blocked. Raises `DeviceError`.
         """
-        if self._feedback is None:
+        if not self._s.heard[self._i]:
             return False
-        return self._standstill.write(self._position.in_range, torque)
+        # Wherever a wheel stands, 607Dh has room enough.
+        q = servo_setup.to_radians(self.drive, self._told.position if self.turns is None else 0)
+        return self._standstill.write(q, torque)
 
     def request_enable(self) -> None:
         """Step towards *Operation enabled* with the coming writes; not after a stop or trouble."""
-        if not self._stopped and self._trouble is None:
-            self._aim(_ENABLED)
+        if not self._s.stopped[self._i] and self._s.troubles[self._i] is None:
+            self._aim(True)
 
     def request_disable(self) -> None:
         """Step back to *Switch on disabled* with the coming writes."""
-        self._aim(_DISABLED)
-        self._seen_enabled = False
+        self._aim(False)
+        self._s.seen_enabled[self._i] = False
 
     def request_fault_reset(self) -> None:
         """Acknowledge trouble and stop, and reset the drive's fault; it ends up disabled."""
         self.request_disable()
-        self._stopped = False
+        self._s.stopped[self._i] = False
         self._emcy = None
-        self._reset_sync = self._bus.sync_count
-
-    def write(self, command: float) -> Sent:
-        """Send a setpoint with the controlword of the next step; return what was sent.
-
-        Until *Operation enabled* is seen, and after a stop, what asks for no motion goes out in its
-        place (own position, no speed): enabling moves nothing, and what led to a stop is not sent.
-        Only in CST is the command sent while the drive is being enabled: behind a closed brake it
-        moves nothing, and the torque that holds the arm stands when the brake opens. Raises
-        `ValueError` if the command is not finite or beyond its object's bits.
-        """
-        word = self._controlword()
-        if self._feedback is None:
-            return Sent(word, None, None)
-        held = self._mode is OperationMode.CST or self._state is _ENABLED
-        if held and not self._stopped:
-            raw = self._setpoint.raw(command)
-        else:
-            raw = self._setpoint.still(self._feedback.position)
-        self._bus.send(self._rpdo_id, self._setpoint.pack(word, raw))
-        return Sent(word, raw, self._setpoint.command(raw))
+        self._note_alarm()
+        self._s.reset[self._i] = self.fieldbus.sync_count
 
     def tell_ramp(self, deceleration: float) -> None:
         """Send the ramp of a quick stop, which the drive takes over at once [rad/s²]."""
-        if self.ramp is not None and self._opened and not self._stopped:
+        if self.ramp is not None and self._opened and not self._s.stopped[self._i]:
             self.ramp.send(deceleration)
 
     def stop(self) -> None:
         """Send the quick stop now, and with every write until a reset."""
-        self._stopped = True
-        self._aim(_DISABLED)
-        self._seen_enabled = False
-        self._reset_sync = None
-        if self._feedback is not None:
-            raw = self._setpoint.still(self._feedback.position)
-            self._bus.send(self._rpdo_id, self._setpoint.pack(Controlword.QUICK_STOP, raw))
+        s, i = self._s, self._i
+        self.request_disable()
+        s.stopped[i], s.reset[i] = True, None
+        if s.heard[i]:
+            raw = self.setpoint.still(self._told.position)
+            self.fieldbus.send(self.rpdo_id, self.setpoint.pack(Controlword.QUICK_STOP, raw))
 
     def close(self) -> None:
         """Take the voltage off and leave the node in *Pre-operational*. Never raises."""
         word, self._opened = Controlword.DISABLE_VOLTAGE.to_bytes(2, "little"), False
-        self._bus.expect_no_answers(self._tpdo_id)
+        self.fieldbus.expect_no_answers(self._tpdo_id)
         with suppress(SdoError, can.CanError, OSError):
             self.node.sdo.download(Object.CONTROLWORD, 0, word)
         with suppress(can.CanError, OSError):
             self.node.nmt.send_command(can301.NmtCommand.PRE_OPERATIONAL)
         self._forget()
 
-    def _aim(self, target: DriveState) -> None:
-        if target is not self._target:
-            self._target, self._told_sync = target, self._bus.sync_count
+    def judge(self, age: int, overdue: bool) -> Trouble | None:
+        """Return what is wrong now, the cause that explains most first.
 
-    @property
-    def _obeyed(self) -> bool:
-        return self._answered_sync - self._told_sync >= OBEYED_SYNCS
-
-    @property
-    def _overdue(self) -> bool:
-        """True for a drive that should long have switched off."""
-        since_s = (self._bus.sync_count - self._told_sync) * self._timing.period_s
-        return self._target is _DISABLED and not self._stopped and since_s > SWITCH_OFF_S
-
-    def _controlword(self) -> int:
-        # Bit 7 is low for a SYNC first: the drive resets on its rising edge only.
-        reset = None if self._reset_sync is None else self._bus.sync_count > self._reset_sync
-        return next_word(
-            self._state, self._target, stopped=self._stopped, overdue=self._overdue, reset=reset
-        )
-
-    def _judge(self, age: int) -> Trouble | None:
-        """Return what is wrong now, the cause that explains most first."""
-        bus, timing = self._bus, self._timing
+        It last answered so many SYNCs ago; `overdue`: it should long have switched off.
+        """
+        s, i, timing = self._s, self._i, self.timing
         told = self.emergency
         if told is not None:
             return told
         if age > MOST_MISSED_SYNCS:
             return self._wrong(Cause.PDO_LOST, f"no answer to {age} SYNCs", age_syncs=age)
-        silence = bus.now - (self._heartbeat_s if self._heartbeat_s is not None else bus.now)
+        heard_s = s.heartbeat_s[i]
+        silence = 0.0 if heard_s is None else self.fieldbus.now - heard_s
         if silence > timing.heartbeat_timeout_s:
             detail = f"no heartbeat for {silence:.3f} s"
             return self._wrong(Cause.HEARTBEAT_LOST, detail, silence_s=silence)
-        if self._feedback is None:
+        if not s.heard[i]:
             return None
-        word = self._feedback.statusword
-        meant = self._target is _ENABLED and self._seen_enabled
-        found = wrong_status(word, self._state, meant=meant, overdue=self._overdue)
+        word, meant = self._told.statusword, s.enabling[i] and s.seen_enabled[i]
+        state = _STATES[_CODES[word & _STATE_BITS]]
+        found = wrong_status(word, state, meant=meant, overdue=overdue)
         return None if found is None else self._wrong(*found, statusword=word)
+
+    @property
+    def _told(self) -> cia402.Feedback:
+        return cia402.unpack_feedback(self._s.feedback[self._bytes])
+
+    def _aim(self, enabling: bool) -> None:
+        if enabling != self._s.enabling[self._i]:
+            self._s.enabling[self._i] = enabling
+            self._s.told[self._i] = self.fieldbus.sync_count
 
     def _wrong(self, cause: Cause, detail: str, **values: str | int | float) -> Trouble:
         return Trouble(cause, self.name, detail, {"node": self.drive.node, **values})
 
     def _on_feedback(self, data: bytes, stamp: float) -> None:
-        self.answer_stamp = stamp
-        self._feedback = feedback = cia402.unpack_feedback(data)
-        self._position.take(feedback.position)
+        word = cia402.unpack_feedback(data).statusword
+        s, i, bus = self._s, self._i, self.fieldbus
+        s.feedback[self._bytes] = data
         # After a SYNC without an answer this may be the one to that, late.
-        in_turn = self._bus.sync_count - self._answered_sync <= 1
-        self._sampled_s = self._bus.sync_s if in_turn else None
-        self._answered_sync = self._bus.sync_count
-        try:
-            self._state = cia402.decode_state(feedback.statusword)
-        except FrameError:
-            self._state = None
-        if self._state is _ENABLED and self._target is _ENABLED and self._obeyed:
-            self._seen_enabled = True
+        s.sampled_s[i] = bus.sync_s if bus.sync_count - s.answered[i] <= 1 else None
+        s.answered[i], s.stamp[i], s.heard[i] = bus.sync_count, stamp, True
+        if s.enabling[i] and not s.seen_enabled[i] and bus.sync_count - s.told[i] >= OBEYED_SYNCS:
+            s.seen_enabled[i] = _CODES[word & _STATE_BITS] == _ENABLED_CODE
 
     def _on_heartbeat(self, state: int) -> None:
-        self._heartbeat_s = self._bus.now
+        self._s.heartbeat_s[self._i] = self.fieldbus.now
         if state == NmtState.OPERATIONAL:
             self._was_operational = True
         elif self._opened and (self._was_operational or state == NmtState.BOOT_UP):
             self._restarted = state
+            self._note_alarm()
         if state == NmtState.BOOT_UP:
             self._booted = True
 
     def _on_emcy(self, emcy: EmcyError) -> None:
         if emcy.code & 0xFF00 != EmcyCode.NO_ERROR:
             self._emcy = emcy
-        elif self._reset_sync is not None:
+        elif self._s.reset[self._i] is not None:
             self._emcy = None
+        self._note_alarm()
+
+    def _note_alarm(self) -> None:
+        told = self._restarted is not None or self._emcy is not None
+        (self._s.alarmed.add if told else self._s.alarmed.discard)(self._i)
+
+
+# --- The cyclic part of all such drives -----------------------------------------------------------
+
+
+class ServoDrives(JointDrives):
+    """Reads and writes n drives at once; keeps the contract of `device.py`.
+
+    `read` judges by what `Fieldbus.receive` dispatched and by its `now`. A drive's first trouble
+    stays until `request_fault_reset` finds its cause gone.
+    """
+
+    def __init__(self, drives: Sequence[ServoDrive]) -> None:
+        """Give each drive its place."""
+        self._drives, self._s = tuple(drives), _Status(len(drives))
+        for place, drive in enumerate(drives):
+            drive.move(self._s, place)
+        self._buses = tuple(drive.fieldbus for drive in drives)
+        self._layout = struct.Struct("<" + len(drives) * cia402.FEEDBACK_FIELDS)
+        sections = [drive.drive for drive in drives]
+        self._scales = [(d.zero_rad, d.direction, d.counts_per_radian) for d in sections]
+        self._torques = [(d.rated_torque, d.direction) for d in sections]
+        self._wheels = [(i, d.turns) for i, d in enumerate(drives) if d.turns is not None]
+
+    def answered(self) -> tuple[bool, ...]:
+        """Return which drives have answered the newest SYNC."""
+        s = self._s
+        each = zip(s.heard, s.answered, self._buses, strict=True)
+        return tuple([heard and at == bus.sync_count for heard, at, bus in each])
+
+    def stamp(self, drive: int) -> float:
+        """Return the bus' stamp of a drive's newest TPDO1 [s], which a SYNC asked for."""
+        return self._s.stamp[drive]
+
+    def emergency(self) -> Trouble | None:
+        """Return the trouble that the first of those drives told of which told of any."""
+        return self._drives[min(self._s.alarmed)].emergency if self._s.alarmed else None
+
+    def read(self) -> DriveReadings:
+        """Return what the drives last said, and what is wrong with them."""
+        s, fields = self._s, self._layout.unpack(self._s.feedback)
+        codes = [_CODES[word & _STATE_BITS] for word in fields[::3]]
+        ages = [bus.sync_count - at for bus, at in zip(self._buses, s.answered, strict=True)]
+        self._judge(fields[::3], ages)
+        counts, heard = list(fields[1::3]), all(s.heard)
+        for i, turns in self._wheels:
+            if s.heard[i]:
+                counts[i] = turns.take(counts[i])
+        of_joint = zip(self._scales, counts, strict=True)
+        of_motor = zip(self._torques, fields[2::3], strict=True)
+        return DriveReadings(
+            heard=heard,
+            age_syncs=tuple(ages),
+            sampled_s=tuple(s.sampled_s),
+            q=np.array([zero + sign * count / scale for (zero, sign, scale), count in of_joint]),
+            tau=np.array([t * 1e-3 * rated * sign or 0.0 for (rated, sign), t in of_motor]),
+            states=tuple(
+                [_STATES[c] if known else None for c, known in zip(codes, s.heard, strict=True)]
+            ),
+            obeyed=heard
+            and all(a - t >= OBEYED_SYNCS for a, t in zip(s.answered, s.told, strict=True)),
+            troubles=tuple(s.troubles),
+        )
+
+    def write(self, command: NDArray[np.float64]) -> None:
+        """Send setpoints (n,) with the controlwords of the next step.
+
+        Until *Operation enabled* is seen, and after a stop, what asks for no motion goes out in its
+        place (own position, no speed): enabling moves nothing, and what led to a stop is not sent.
+        Only in CST is the command sent while the drive is being enabled: behind a closed brake it
+        moves nothing, and the torque that holds the arm stands when the brake opens. Before its
+        first answer a drive is sent nothing. Raises `ValueError` if a command is not finite or
+        beyond its object's bits: then none is sent.
+        """
+        s, frames = self._s, []
+        fields = self._layout.unpack(s.feedback)
+        each = zip(self._drives, command.tolist(), fields[::3], fields[1::3], strict=True)
+        for i, (drive, asked, status, position) in enumerate(each):
+            if not s.heard[i]:
+                continue
+            state, stopped = _STATES[_CODES[status & _STATE_BITS]], s.stopped[i]
+            held = state is _ENABLED or drive.mode is OperationMode.CST
+            setpoint = drive.setpoint
+            raw = setpoint.raw(asked) if held and not stopped else setpoint.still(position)
+            word: int = Controlword.ENABLE_OPERATION
+            if state is not _ENABLED or stopped or not s.enabling[i]:
+                count, reset = drive.fieldbus.sync_count, s.reset[i]
+                word = next_word(
+                    state,
+                    _ENABLED if s.enabling[i] else _DISABLED,
+                    stopped=stopped,
+                    overdue=self._overdue(i),
+                    # Bit 7 is low for a SYNC first: the drive resets on its rising edge only.
+                    reset=None if reset is None else count > reset,
+                )
+            frames.append((drive, setpoint.pack(word, raw)))
+        for drive, data in frames:
+            drive.fieldbus.send(drive.rpdo_id, data)
+
+    def _overdue(self, i: int) -> bool:
+        """Return whether a drive should long have switched off."""
+        if self._s.enabling[i] or self._s.stopped[i]:
+            return False
+        since = self._buses[i].sync_count - self._s.told[i]
+        return since * self._drives[i].timing.period_s > SWITCH_OFF_S
+
+    def _judge(self, words: Sequence[int], ages: Sequence[int]) -> None:
+        """Judge all drives by their statuswords and ages; note the first trouble of each."""
+        s = self._s
+        for i, drive in enumerate(self._drives):
+            bus, reset, heartbeat_s = drive.fieldbus, s.reset[i], s.heartbeat_s[i]
+            if heartbeat_s is None:
+                heartbeat_s = s.heartbeat_s[i] = bus.now
+            well = (
+                words[i] & _WELL_MASK == _WELL
+                and s.enabling[i]
+                and ages[i] <= MOST_MISSED_SYNCS
+                and bus.now - heartbeat_s <= drive.timing.heartbeat_timeout_s
+            )
+            if well and reset is None and not s.alarmed:
+                continue
+            trouble = drive.judge(ages[i], self._overdue(i))
+            if reset is None:
+                s.troubles[i] = s.troubles[i] or trouble
+            # A drive that has not spoken since is not yet well: it may still be in its fault.
+            elif (
+                trouble is None and s.heard[i]
+            ) or drive.fieldbus.sync_count - reset > RESET_SYNCS:
+                s.troubles[i], s.reset[i] = trouble, None

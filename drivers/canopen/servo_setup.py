@@ -35,11 +35,6 @@ _MOST: Final = {
     OperationMode.CSV: _I32_MAX,
     OperationMode.CST: _I16_MAX,
 }
-_PACK: Final = {
-    OperationMode.CSP: cia402.pack_csp,
-    OperationMode.CSV: cia402.pack_csv,
-    OperationMode.CST: cia402.pack_cst,
-}
 
 
 @dataclass(frozen=True)
@@ -87,7 +82,7 @@ class Setpoint:
 
     def pack(self, controlword: int, raw: int) -> bytes:
         """Return RPDO1."""
-        return _PACK[self.mode](controlword, raw)
+        return cia402.COMMAND[self.mode].pack(controlword, raw)
 
 
 # --- Set-up of a servo drive over SDO before it may move: a table, and how it is written ----------

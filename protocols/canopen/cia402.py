@@ -258,30 +258,15 @@ FEEDBACK_MAPPING: Final = (
     mapping_entry(Object.TORQUE_ACTUAL, 0, 16),
 )
 
-_CSP: Final = struct.Struct("<Hi")
-_CST: Final = struct.Struct("<Hh")
-_FEEDBACK: Final = struct.Struct("<Hih")
-
-
-class CspCommand(NamedTuple):
-    """RPDO1 in CSP: controlword, target position [counts]."""
-
-    controlword: int
-    target_position: int
-
-
-class CsvCommand(NamedTuple):
-    """RPDO1 in CSV: controlword, target velocity [counts/s]."""
-
-    controlword: int
-    target_velocity: int
-
-
-class CstCommand(NamedTuple):
-    """RPDO1 in CST: controlword, target torque [1/1000 of the rated torque]."""
-
-    controlword: int
-    target_torque: int
+COMMAND: Final = {
+    OperationMode.CSP: struct.Struct("<Hi"),
+    OperationMode.CSV: struct.Struct("<Hi"),
+    OperationMode.CST: struct.Struct("<Hh"),
+}
+"""Layout of RPDO1 in each mode: controlword, target [counts, counts/s, 1/1000 of rated torque]."""
+FEEDBACK_FIELDS: Final = "Hih"
+FEEDBACK: Final = struct.Struct("<" + FEEDBACK_FIELDS)
+"""Layout of TPDO1, `Feedback`."""
 
 
 class Feedback(NamedTuple):
@@ -292,50 +277,11 @@ class Feedback(NamedTuple):
     torque: int
 
 
-def pack_csp(controlword: int, target_position: int) -> bytes:
-    """Return the 6 bytes of RPDO1 in CSP. Raises `struct.error` outside 32 bits."""
-    return _CSP.pack(controlword, target_position)
-
-
-def unpack_csp(data: bytes) -> CspCommand:
-    """Return what RPDO1 in CSP says. Raises `FrameError` unless it is 6 bytes."""
-    return CspCommand(*_unpack(_CSP, data, "RPDO1 (CSP)"))
-
-
-def pack_csv(controlword: int, target_velocity: int) -> bytes:
-    """Return the 6 bytes of RPDO1 in CSV. Raises `struct.error` outside 32 bits."""
-    return _CSP.pack(controlword, target_velocity)
-
-
-def unpack_csv(data: bytes) -> CsvCommand:
-    """Return what RPDO1 in CSV says. Raises `FrameError` unless it is 6 bytes."""
-    return CsvCommand(*_unpack(_CSP, data, "RPDO1 (CSV)"))
-
-
-def pack_cst(controlword: int, target_torque: int) -> bytes:
-    """Return the 4 bytes of RPDO1 in CST. Raises `struct.error` outside 16 bits."""
-    return _CST.pack(controlword, target_torque)
-
-
-def unpack_cst(data: bytes) -> CstCommand:
-    """Return what RPDO1 in CST says. Raises `FrameError` unless it is 4 bytes."""
-    return CstCommand(*_unpack(_CST, data, "RPDO1 (CST)"))
-
-
-def pack_feedback(statusword: int, position: int, torque: int) -> bytes:
-    """Return the 8 bytes of TPDO1. Raises `struct.error` outside the fields' widths."""
-    return _FEEDBACK.pack(statusword, position, torque)
-
-
-def unpack_feedback(data: bytes) -> Feedback:
+def unpack_feedback(data: bytes | bytearray) -> Feedback:
     """Return what TPDO1 says. Raises `FrameError` unless it is 8 bytes."""
-    return Feedback(*_unpack(_FEEDBACK, data, "TPDO1"))
-
-
-def _unpack(layout: struct.Struct, data: bytes, frame: str) -> tuple[int, ...]:
-    if len(data) != layout.size:
-        raise FrameError(f"{frame}: {len(data)} bytes instead of {layout.size}")
-    return layout.unpack(data)
+    if len(data) != FEEDBACK.size:
+        raise FrameError(f"TPDO1: {len(data)} bytes instead of {FEEDBACK.size}")
+    return Feedback(*FEEDBACK.unpack(data))
 
 
 # --- A drive's position counter of 32 bits: what turns for ever makes it wrap ---------------------

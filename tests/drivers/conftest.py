@@ -2,14 +2,16 @@
 
 import struct
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import can
+import numpy as np
 import pytest
 from telerobot.config.schema.cell import TimingSection
 from telerobot.config.schema.mechanism import DriveSection, ForceTorqueSection
 from telerobot.drivers.bus import Hub, InProcessBus
-from telerobot.drivers.canopen.servo import Sent, ServoDrive, ServoReading
+from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor
 from telerobot.protocols.canopen import can301, cia402, robotous
@@ -19,9 +21,7 @@ from telerobot.protocols.canopen.cia402 import DriveState, Object, OperationMode
 PERIOD_S = 0.01
 NODE = 5
 UNPACK: dict[OperationMode, Callable[[bytes], Any]] = {
-    OperationMode.CSP: cia402.unpack_csp,
-    OperationMode.CSV: cia402.unpack_csv,
-    OperationMode.CST: cia402.unpack_cst,
+    mode: layout.unpack for mode, layout in cia402.COMMAND.items()
 }
 
 
@@ -44,7 +44,7 @@ class PlayedDrive:
         self.status = int(Status.VOLTAGE_ENABLED)
         self.position = 4000
         self.torque = 0
-        self.unpack: Callable[[bytes], Any] = cia402.unpack_csp
+        self.unpack: Callable[[bytes], Any] = UNPACK[OperationMode.CSP]
         self.received: list[Any] = []
         self.pending: Any = None
         self.controlword = 0
@@ -110,7 +110,7 @@ class PlayedDrive:
             word, target = self.pending
             self.state = cia402.apply_controlword(self.state, self.controlword, word)
             self.controlword = word
-            following = self.unpack is cia402.unpack_csp
+            following = self.unpack is UNPACK[OperationMode.CSP]
             if self.state is DriveState.OPERATION_ENABLED and following:
                 self.position = target
         if self.answers_sync:
@@ -118,7 +118,7 @@ class PlayedDrive:
 
     def answer(self) -> None:
         word = cia402.STATE_BITS[self.state] | self.status
-        data = cia402.pack_feedback(word, self.position, self.torque)
+        data = cia402.FEEDBACK.pack(word, self.position, self.torque)
         self.send(can301.tpdo1_id(NODE), data)
 
 
@@ -152,6 +152,48 @@ class PlayedSensor:
         self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
 
+class OneDrive:
+    """A servo drive, with what the group of it alone reads and writes."""
+
+    def __init__(self, drive: ServoDrive, fieldbus: Fieldbus, unpack: Callable[[bytes], Any]):
+        self.it, self.all, self._unpack = drive, ServoDrive.together([drive]), unpack
+        self._sent: list[Any] = []
+        fieldbus.taps.append(self._on_sent)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.it, name)
+
+    def _on_sent(self, can_id: int, data: bytes) -> None:
+        if can_id == can301.rpdo1_id(NODE):
+            self._sent.append(self._unpack(data))
+
+    @property
+    def answered(self) -> bool:
+        return self.all.answered()[0]
+
+    def read(self) -> Any:
+        """Return what the drive last told."""
+        told = self.all.read()
+        return SimpleNamespace(
+            ready=told.heard,
+            age_syncs=told.age_syncs[0],
+            position_rad=float(told.q[0]) if told.heard else None,
+            torque_nm=float(told.tau[0]),
+            state=told.states[0],
+            obeyed=told.obeyed,
+            trouble=told.troubles[0],
+        )
+
+    def write(self, command: float) -> Any:
+        """Write a setpoint; return what then was on the bus."""
+        self._sent.clear()
+        self.all.write(np.array([command]))
+        if not self._sent:
+            return None
+        (word, raw) = self._sent[0]
+        return SimpleNamespace(controlword=word, raw=raw, command=self.it.setpoint.command(raw))
+
+
 class Cell:
     """Bus, drive and sensor, from both sides, and a period to step."""
 
@@ -174,15 +216,14 @@ class Cell:
         )
         self.ft = ForceTorqueSection(**sensor)
         self.fieldbus = Fieldbus(InProcessBus(self.hub), clock=lambda: self.hub.time_s)
-        self.servo = ServoDrive(
-            self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0, mode=mode
-        )
+        servo = ServoDrive(self.fieldbus, self.drive, self.timing, lower=-2.0, upper=3.0, mode=mode)
+        self.servo = OneDrive(servo, self.fieldbus, UNPACK[mode])
         self.sensor = RobotousSensor(self.fieldbus, self.ft)
         self.played = PlayedDrive(self.hub)
         self.played.unpack = UNPACK[mode]
         self.played_sensor = PlayedSensor(self.hub, self.ft)
 
-    def step(self, position: float | None = None) -> tuple[ServoReading, Sent]:
+    def step(self, position: float | None = None) -> tuple[Any, Any]:
         """Do one period as the daemon does: SYNC, receive, read, write."""
         self.hub.time_s += PERIOD_S
         self.played.heartbeat()

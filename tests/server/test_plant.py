@@ -3,16 +3,18 @@
 from importlib import import_module
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from telerobot.config.schema import cell as schema
 from telerobot.config.schema.bus import CanOpenNodeSection, OnBusSection
 from telerobot.drivers.bus import Hub, InProcessBus
 from telerobot.drivers.device import (
     Cause,
-    Device,
     DeviceError,
+    DriveReadings,
     JointDrive,
-    ServoReading,
+    JointDrives,
+    Peripheral,
     SwitchedOutput,
     Trouble,
 )
@@ -23,7 +25,7 @@ from telerobot.server.plant import Plant
 log = []
 
 
-class Known(Device):
+class Known(Peripheral):
     """A device that nobody has heard of, and what it says."""
 
     def __init__(self, name, vital=True):
@@ -59,18 +61,40 @@ class Lamp(Known, SwitchedOutput):
 
 
 class Drive(Known, JointDrive):
-    answer_stamp, answered, emergency = 0.0, True, None
+    answered, emergency = True, None
 
-    def read(self):
-        return ServoReading.of_none(0, self.trouble)
-
-    def write(self, command):
-        log.append((self.name, command))
+    @classmethod
+    def together(cls, drives):
+        return Drives(drives)
 
     request_enable = request_disable = request_fault_reset = lambda self: None
 
     def prepare(self, torque):
         return False
+
+
+class Drives(JointDrives):
+    def __init__(self, drives):
+        self.drives = drives
+
+    def answered(self):
+        return [drive.answered for drive in self.drives]
+
+    def stamp(self, drive):
+        return 0.0
+
+    def emergency(self):
+        return next((drive.emergency for drive in self.drives if drive.emergency), None)
+
+    def read(self):
+        n = len(self.drives)
+        troubles, nothing = tuple(drive.trouble for drive in self.drives), (None,) * n
+        return DriveReadings(
+            False, (0,) * n, nothing, np.zeros(n), np.zeros(n), nothing, False, troubles
+        )
+
+    def write(self, command):
+        log.append(list(command))
 
 
 @pytest.fixture

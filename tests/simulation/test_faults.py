@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import altered
 from telerobot.protocols.canopen import can301, cia402
+from telerobot.protocols.canopen.cia402 import OperationMode
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -283,7 +284,7 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
     def on_sent(can_id, data):
         if can_id == can301.rpdo1_id(4):
-            targets.append(cia402.unpack_csp(data).target_position)
+            targets.append(cia402.COMMAND[OperationMode.CSP].unpack(data)[1])
 
     simulation.cycle.plant.buses[0].taps.append(on_sent)
     simulation.on_tick = leap
@@ -336,7 +337,7 @@ def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, firs
             newest[tpdo] = cia402.unpack_feedback(bytes(message.data))
         if message.arbitration_id == (0x80 if first else tpdo) and len(newest) and on:
             told = newest[tpdo]
-            data = cia402.pack_feedback(told.statusword, told.position + off, told.torque)
+            data = cia402.FEEDBACK.pack(told.statusword, told.position + off, told.torque)
             spoofer.send(CanMessage(arbitration_id=tpdo, data=data, is_extended_id=False))
 
     on = []

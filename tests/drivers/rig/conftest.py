@@ -14,11 +14,7 @@ from telerobot.protocols.canopen.can301 import EmcyCode, NmtCommand, NmtState
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object, OperationMode
 
 PERIOD_S = 0.01
-PACK = {
-    OperationMode.CSP: cia402.pack_csp,
-    OperationMode.CSV: cia402.pack_csv,
-    OperationMode.CST: cia402.pack_cst,
-}
+PACK = {mode: layout.pack for mode, layout in cia402.COMMAND.items()}
 
 
 class Master:

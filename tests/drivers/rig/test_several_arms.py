@@ -126,7 +126,8 @@ def test_a_silent_drive_is_told_by_the_name_of_its_arm(run):
     run.fault("silence", "right.elbow")
     reading = run.cycle(8)
     assert (reading.trouble.device, reading.trouble.cause) == ("right.elbow", Cause.PDO_LOST)
-    assert run.driver("left.s1").read().trouble is None
+    first = run.cell.joints.index("left.s1")
+    assert run.plant.cyclic.read().troubles[first] is None
 
 
 def test_a_drive_of_one_arm_breaks_down_and_the_others_stay(run):
@@ -147,7 +148,7 @@ def test_a_bus_that_is_unplugged_silences_the_arm_on_it_alone(run, bus, silent, 
     reading = run.cycle(8)
     assert reading.trouble.cause is Cause.BUS_SILENT
     assert reading.trouble.device == f"bus {bus}"
-    ages = np.array([drive.read().age_syncs for drive in run.plant.drives])
+    ages = np.array(run.plant.cyclic.read().age_syncs)
     assert (ages[silent] > 3).all()
     assert (ages[heard] <= 1).all()
 
