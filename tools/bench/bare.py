@@ -35,7 +35,6 @@ def periods(period_s: float, seconds: float) -> list[float]:
 
 
 def main() -> int:
-    """Measure as the command line says."""
     period_s, seconds = float(sys.argv[1]), float(sys.argv[2])
     gc.disable()
     with realtime():

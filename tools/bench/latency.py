@@ -22,8 +22,7 @@ from ..host.local_plant import LocalPlant, free_port
 from .figures import Figures, percentiles
 
 # --- Driven plant for the benchmarks: rig, daemon, an operator, and a listener on the bus ---------
-START_S = 30.0
-"""Rig and daemon are up within [s]."""
+START_S = 30.0  # rig and daemon are up within [s]
 STILL = "\n[redundancy]\nmid_range = 0.0\n"
 """Switches self-motion off: a latency is measured from rest."""
 
@@ -44,7 +43,6 @@ class FrameListener:
         return self._bus.recv(timeout_s)
 
     def close(self) -> None:
-        """Leave the bus."""
         self._bus.shutdown()
 
 
@@ -119,14 +117,10 @@ def _until_ready(plant: LocalPlant, operator: Operator) -> None:
 # off meanwhile, since both move targets by themselves.
 STEPS = 200
 QUICK_STEPS = 50
-SPEED = 0.03
-"""The stick's twist, along the base's y, to and fro [m/s]."""
-STILL_S = 0.08
-"""Targets that have not changed for this long stand [s]."""
-GIVE_UP_S = 0.3
-"""Shorter than a lease, which nobody renews meanwhile [s]."""
-ALLOWANCE_S = 0.001
-"""Target: p99 below two periods and this [s]."""
+SPEED = 0.03  # the stick's twist, along the base's y, to and fro [m/s]
+STILL_S = 0.08  # targets that have not changed for this long stand [s]
+GIVE_UP_S = 0.3  # shorter than a lease, which nobody renews meanwhile [s]
+ALLOWANCE_S = 0.001  # target: p99 below two periods and this [s]
 
 
 def bench(cell: Cell, steps: int = STEPS) -> Figures:

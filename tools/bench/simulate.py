@@ -6,8 +6,7 @@ from ...config.load import Cell
 from ..simulation.simulation import simulate
 from .figures import Figures
 
-TARGET = 5.0
-"""Virtual seconds per real second [1]."""
+TARGET = 5.0  # virtual seconds per real second [1]
 RUNS = 3
 
 

@@ -23,8 +23,7 @@ from .latency import EnabledPlant, driven
 SECONDS = 60.0
 QUICK_SECONDS = 10.0
 SETTLE_S = 1.0
-SWAY = (0.05, 4.0)
-"""The stick sways with this amplitude [m/s] and period [s]."""
+SWAY = (0.05, 4.0)  # the stick sways with this amplitude [m/s] and period [s]
 STEP_S = 0.05
 
 

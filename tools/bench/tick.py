@@ -26,8 +26,7 @@ from ...server.perception.obstacle_map import ObstacleMap
 from ..host.machine import realtime
 from .figures import Figures, percentiles
 
-TARGET_US = 500.0
-"""The computation stays below this at p99 [µs]: 5 % of a period of 10 ms."""
+TARGET_US = 500.0  # the computation stays below this at p99 [µs]: 5 % of a period of 10 ms
 TICKS, QUICK_TICKS = 4000, 400
 WARM_UP = 50
 PAUSE_S = 0.008
@@ -35,10 +34,8 @@ PAUSE_S = 0.008
 REST_EVERY, REST_S = 200, 0.02
 """Ticks that go back to back, and a rest after them [s]: the kernel stops a real-time process that
 never sleeps."""
-TURN_EVERY = 120
-"""Ticks between two changes of stick and target [1]."""
-ARITHMETIC_EVERY = 25
-"""Ticks between two pieces of arithmetic [1]."""
+TURN_EVERY = 120  # ticks between two changes of stick and target [1]
+ARITHMETIC_EVERY = 25  # ticks between two pieces of arithmetic [1]
 _A = np.random.default_rng(1).normal(0.0, 1.0, (6, 7))
 EVERY_OBJECTIVE = {
     "mid_range": 0.2,
@@ -87,8 +84,7 @@ class _Phase:
 
     def __init__(self, seconds: list[float], arithmetic: list[float], limited: int) -> None:
         self.times = percentiles(1e6 * np.array(seconds))
-        self.arithmetic = arithmetic
-        """Times of the fixed piece [s]."""
+        self.arithmetic = arithmetic  # times of the fixed piece [s]
         self.limited_share = limited / len(seconds)
 
 

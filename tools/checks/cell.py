@@ -22,8 +22,7 @@ from ...server.control.proximity.pairs import PairSearch
 from .findings import Finding, Severity, Value, graded
 
 # --- Check of several arms: that they keep clear of each other, and do so in their postures -------
-FARTHEST = 10.0
-"""Arms that are farther apart count as this far [m]."""
+FARTHEST = 10.0  # arms that are farther apart count as this far [m]
 
 
 def arms(cell: Cell) -> Iterator[Finding]:
@@ -67,8 +66,7 @@ def _nearest(cell: Cell, capsules: Capsules, q: np.ndarray) -> tuple[float, tupl
 
 
 # --- Check of each CAN bus's load, with every frame stuffed ---------------------------------------
-LIMIT = 0.80
-"""Above this load a classic CAN bus has no room left for SDO, EMCY and repetitions [1]."""
+LIMIT = 0.80  # above this load a classic CAN bus has no room left for SDO, EMCY and repetitions [1]
 NOTICE = 0.60
 HEARTBEAT_BYTES = 1
 
@@ -169,8 +167,7 @@ def certificates(folder: Path) -> Iterator[Finding]:
 
 
 # --- Check of sensor keys: greatest effect on the arm of news without a lease ---------------------
-GRAVITY = 9.81
-"""[m/s²]."""
+GRAVITY = 9.81  # [m/s²]
 
 
 def sensors(cell: Cell) -> Iterator[Finding]:
@@ -265,8 +262,7 @@ def _obstacles(cell: Cell) -> Finding:
 
 
 # --- Check of periods and timeouts: their order makes silence safe --------------------------------
-FRESH = 2.0
-"""A timeout spans at least this many of the periods that it watches."""
+FRESH = 2.0  # a timeout spans at least this many of the periods that it watches
 
 
 def timing(cell: Cell) -> Iterator[Finding]:

@@ -26,12 +26,9 @@ from .findings import Finding, Severity, graded
 # --- Check of the drives' bounds against the robot's, and of their resolution ---------------------
 QUANTISATION_NOTICE = 0.25
 """Part of the jerk bound that the encoder's steps may look like before it is worth a word [1]."""
-TORQUE_PER_MILLE_MAX = 32767
-"""Greatest value of 6077h, in thousandths of the rated torque [1]."""
-LONG_STOP_S = 0.5
-"""A stop from full speed that takes longer is worth a word [s]."""
-ENDLESS_STOP_S = 2.0
-"""One that takes longer than this is none [s]."""
+TORQUE_PER_MILLE_MAX = 32767  # greatest value of 6077h, in thousandths of the rated torque [1]
+LONG_STOP_S = 0.5  # a stop from full speed that takes longer is worth a word [s]
+ENDLESS_STOP_S = 2.0  # one that takes longer than this is none [s]
 
 
 def drives(cell: Cell) -> Iterator[Finding]:
@@ -287,8 +284,7 @@ def reading_finding(
 
 
 # --- Check of following a hand: the arm's delay, and the stiffest hand that it bears --------------
-COMFORT = 0.5
-"""Part of the bound above which a hand feels the arm swing [1]."""
+COMFORT = 0.5  # part of the bound above which a hand feels the arm swing [1]
 
 
 def following(cell: Cell) -> Iterator[Finding]:
@@ -336,8 +332,7 @@ def payloads(cell: Cell) -> dict[str, PayloadSection]:
 
 
 # --- Stability of the torque law of drives in CST -------------------------------------------------
-SWIFT = 0.98
-"""Magnitude of a pole above which errors linger [1]."""
+SWIFT = 0.98  # magnitude of a pole above which errors linger [1]
 
 
 def torque(cell: Cell) -> Iterator[Finding]:

@@ -35,8 +35,7 @@ from .drives import (
 from .findings import Finding, Severity, Value, graded
 
 # --- Check of the gains against the stiffest environment, with the loop's delay -------------------
-COMFORT = 0.5
-"""Part of the bound above which contact overshoots noticeably [1]."""
+COMFORT = 0.5  # part of the bound above which contact overshoots noticeably [1]
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -129,10 +128,8 @@ Measured on `pa10_reflect` (`tests/campaign/contact/reflection_trial.py`), with 
 loss: hands of 100, 200 and 400 N/m settle at this part of theirs and below it (the campaign's part
 `reflection` shows the second); at the whole of it the second and third do not at every delay.
 """
-STIFFEST = 300.0
-"""Stiffest reflection that was measured to settle [N/m]."""
-LOST = 3
-"""Messages in a row that may be lost before a timeout [1]."""
+STIFFEST = 300.0  # stiffest reflection that was measured to settle [N/m]
+LOST = 3  # messages in a row that may be lost before a timeout [1]
 
 
 def reflection(cell: Cell) -> Iterator[Finding]:

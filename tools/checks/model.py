@@ -114,12 +114,9 @@ def _told(check: str, error: ConfigError) -> Iterator[Finding]:
 
 
 # --- Check of an arm in tunnels: whether its joints follow the curve, at every depth and at speed
-FULL = 0.9
-"""Part of a bound whose use is worth a word [1]."""
-CALM = 0.7
-"""Loops that use more than this of what they take swing for long [1]."""
-LOOK = 8
-"""Every so many fits are looked at [1]."""
+FULL = 0.9  # part of a bound whose use is worth a word [1]
+CALM = 0.7  # loops that use more than this of what they take swing for long [1]
+LOOK = 8  # every so many fits are looked at [1]
 
 
 def tunnel(cell: Cell) -> Iterator[Finding]:

@@ -100,14 +100,10 @@ def _plane(cell: Cell, contour: ContourReflexSection) -> Finding:
 
 
 # --- Check of the way ahead: which cells of the contour the scanner sees, how far and how near ----
-DEPTH: Final = 0.05
-"""Depths that are looked at are so far apart [m]."""
-TILTS: Final = 31
-"""Angles of the sweep that are looked at [1]."""
-PIECES: Final = 40
-"""Points of a ray that are held against the arm's capsules [1]."""
-HIDDEN: Final = 0.25
-"""A larger part of the cells that the arm hides is worth a word [1]."""
+DEPTH: Final = 0.05  # depths that are looked at are so far apart [m]
+TILTS: Final = 31  # angles of the sweep that are looked at [1]
+PIECES: Final = 40  # points of a ray that are held against the arm's capsules [1]
+HIDDEN: Final = 0.25  # a larger part of the cells that the arm hides is worth a word [1]
 WAIT: Final = UNDECIDED_FRONT + STAND_OFF
 """A base that waits stops so far before an obstacle, from the arm's foot [m]."""
 
@@ -115,14 +111,10 @@ WAIT: Final = UNDECIDED_FRONT + STAND_OFF
 class SeenCells(NamedTuple):
     """Cells (d, c) at some depths that any ray meets, and where its scanner is then."""
 
-    depths: Array
-    """(d,) [m] ahead of the arm's foot."""
-    cells: Array
-    """Middles (c, 2) by y and z from the foot [m]."""
-    seen: Flags
-    """(d, c)."""
-    tilt: Array
-    """Which angle of the sweep meets it (d, c), by number."""
+    depths: Array  # (d,) [m] ahead of the arm's foot
+    cells: Array  # middles (c, 2) by y and z from the foot [m]
+    seen: Flags  # (d, c)
+    tilt: Array  # which angle of the sweep meets it (d, c), by number
 
 
 def sight(cell: Cell) -> Iterator[Finding]:

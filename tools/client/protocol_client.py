@@ -17,22 +17,18 @@ from ...protocols.proof import KeyPair, prove, random_key
 # A `ProtocolClient` is given what comes in (`on_state`, `on_event`) and the time (`run`); it
 # sends through two functions. `telerobot.Operator` puts Zenoh behind them, a simulation the
 # cycle's own link.
-Put = Callable[[t.Topic, bytes, bytes], None]
-"""Sends a command: topic, payload, proof of the lease."""
+Put = Callable[[t.Topic, bytes, bytes], None]  # sends a command: topic, payload, proof of the lease
 Ask = Callable[[t.Topic, bytes, Callable[[bytes], None], bytes], None]
 """Sends a request: topic, payload, what takes the reply, and a proof of the lease or nothing."""
 Fields = Callable[[float], Mapping[str, Any] | None]
 """Makes a stream's fields anew for every message, from the time [s]; None: nothing to send."""
 OnReply = Callable[[requests.Reply], None]
 
-UNPROVEN = (t.LEASE, t.PROTECTIVE_STOP)
-"""Requests that anyone may send."""
+UNPROVEN = (t.LEASE, t.PROTECTIVE_STOP)  # requests that anyone may send
 
-SEALS = 64
-"""Protective stops of one's own that can still be cleared [1]."""
+SEALS = 64  # protective stops of one's own that can still be cleared [1]
 
-ANYBODY: Mapping[str, Any] = {"seen_tick": 0}
-"""An envelope to judge fields with."""
+ANYBODY: Mapping[str, Any] = {"seen_tick": 0}  # an envelope to judge fields with
 
 KEEPALIVE_S = 0.1
 STREAM_S = 0.01
@@ -52,15 +48,12 @@ class ProtocolClient:
     ask: Ask
     new_key: Callable[[], bytes] = random_key
     """Makes 32 random bytes for each key pair and each seal."""
-    secret: bytes | None = None
-    """Proves the lease; None without one."""
+    secret: bytes | None = None  # proves the lease; None without one
     epoch: int = 0
     state: State | None = None
     events: list[Event] = field(default_factory=list)
-    mute: bool = False
-    """True cuts the client off: nothing is sent any more."""
-    seq: int = 0
-    """Number of the newest message that was sent."""
+    mute: bool = False  # True cuts the client off: nothing is sent any more
+    seq: int = 0  # number of the newest message that was sent
     _lease_seen: bool = False
     _keepalive_due_s: float = 0.0
     _stream_due_s: float = 0.0
@@ -72,7 +65,6 @@ class ProtocolClient:
     # --- what comes in -----------------------------------------------------------------------
 
     def on_state(self, state: State) -> None:
-        """Take in a state."""
         self.state = state
 
     def watch_lease(self, state: State) -> None:
@@ -85,7 +77,6 @@ class ProtocolClient:
             self.drop_lease()
 
     def on_event(self, event: Event) -> None:
-        """Take in an event."""
         self.events.append(event)
 
     @property
@@ -255,9 +246,7 @@ class Buffer(Protocol):
         """Yield the payloads that wait, oldest first."""
         ...
 
-    def close(self) -> None:
-        """Listen no more."""
-        ...
+    def close(self) -> None: ...
 
 
 class MessageCarrier(Protocol):
@@ -282,18 +271,13 @@ class MessageCarrier(Protocol):
         """Send a request; `poll` hands its reply to `answer`."""
         ...
 
-    def poll(self) -> None:
-        """Hand over the replies that have come."""
-        ...
+    def poll(self) -> None: ...
 
-    def close(self) -> None:
-        """Close the line."""
-        ...
+    def close(self) -> None: ...
 
 
 # --- Round trip: from a command to the telemetry that shows it accepted. Pure ---------------------
-REMEMBERED = 512
-"""Commands per key whose echo is waited for [1]."""
+REMEMBERED = 512  # commands per key whose echo is waited for [1]
 
 
 class RoundTrip:
@@ -303,8 +287,7 @@ class RoundTrip:
         self._sent: dict[str, deque[tuple[int, float]]] = {}
         self.seconds: float | None = None
         """From sending a command to seeing its echo, the newest one [s]; None before the first."""
-        self.heard_s: float | None = None
-        """Time of the newest echo [s]."""
+        self.heard_s: float | None = None  # time of the newest echo [s]
 
     def sent(self, key: str, seq: int, now_s: float) -> None:
         """Note that a command was sent."""

@@ -18,10 +18,8 @@ from .protocol_client import RoundTrip
 # --- Kinematics of a desktop device: three motors at its base, and a passive gimbal at its end ----
 Array = NDArray[np.float64]
 
-UPPER = 0.14
-"""From the shoulder to the elbow [m]."""
-FORE = 0.14
-"""From the elbow to the gimbal [m]."""
+UPPER = 0.14  # from the shoulder to the elbow [m]
+FORE = 0.14  # from the elbow to the gimbal [m]
 
 
 def place(q: Array) -> Array:
@@ -58,11 +56,9 @@ def jacobian(q: Array) -> Array:
 #
 # Virtual time, a millisecond a step. What the motors do and what the hand feels is its own
 # truth: energies here are works of forces along ways, whoever commanded them.
-STEP_S = 0.001
-"""Step of the device and of its own control [s]."""
+STEP_S = 0.001  # step of the device and of its own control [s]
 
-ROTOR = 4e-4
-"""Inertia of each motor at its joint [kg·m²]."""
+ROTOR = 4e-4  # inertia of each motor at its joint [kg·m²]
 
 
 class HandPath:
@@ -148,28 +144,20 @@ class SimulatedHandle:
 # = K_FR c K_HC / K_F` at rest, c being the stick's rate for each newton on it. Below one, a
 # loop of gain g without resonance is stable at any delay (small gain); above, a low-pass that
 # is slow against all delays takes the gain away where the phase is lost.
-WELL_DAMPED = 0.7
-"""Damping ratio from which a held stick counts as without resonance [1]."""
-BOUND_DAMPED, BOUND = 0.6, 0.4
-"""Greatest loop gain that needs no filter, well damped and not [1]."""
-GREATEST = 4.0
-"""Above this loop gain, the filtered loop does not settle either [1]."""
-FILTER_PER_GAIN = 1.5
-"""Filter time for each unit of gain, as a part of all delays [1]."""
-ARM_S = 0.08
-"""Lag of the arm's side: its force loop, drives and filter [s]."""
+WELL_DAMPED = 0.7  # damping ratio from which a held stick counts as without resonance [1]
+BOUND_DAMPED, BOUND = 0.6, 0.4  # greatest loop gain that needs no filter, well damped and not [1]
+GREATEST = 4.0  # above this loop gain, the filtered loop does not settle either [1]
+FILTER_PER_GAIN = 1.5  # filter time for each unit of gain, as a part of all delays [1]
+ARM_S = 0.08  # lag of the arm's side: its force loop, drives and filter [s]
 
 
 @dataclass(frozen=True)
 class HeldStick:
     """Dynamics of a stick with a hand on it, as the loop sees it."""
 
-    rate_per_force: float
-    """c: the rate that it asks for, for each newton on it [m/s/N]."""
-    damping_ratio: float
-    """ζ [1]."""
-    lag_s: float
-    """Delay of its response to a force [s]."""
+    rate_per_force: float  # c: the rate that it asks for, for each newton on it [m/s/N]
+    damping_ratio: float  # ζ [1]
+    lag_s: float  # delay of its response to a force [s]
 
     @classmethod
     def of(cls, handle: HandleSection, hand: HandSection) -> Self:
@@ -205,16 +193,12 @@ HANDLE_RESERVE = 0.1
 MOST_DAMPING = 0.1
 """Damping that the port injects, at most, as a part of mass / step: more of it would ring [1]."""
 
-SILENCE_S = 0.3
-"""Without news for this long, the force fades [s]."""
-FADE_S = 0.3
-"""It has faded within this; then nothing is sent any more [s]."""
+SILENCE_S = 0.3  # without news for this long, the force fades [s]
+FADE_S = 0.3  # it has faded within this; then nothing is sent any more [s]
 
-CALM_S = 2.0
-"""A longest round trip is forgotten with this time constant [s]."""
+CALM_S = 2.0  # a longest round trip is forgotten with this time constant [s]
 
-LONGEST_LAPSE_S = 0.25
-"""After a longer lapse the device's time goes on without making it up [s]."""
+LONGEST_LAPSE_S = 0.25  # after a longer lapse the device's time goes on without making it up [s]
 
 
 class ReflectingClient:
@@ -245,7 +229,6 @@ class ReflectingClient:
     # --- what comes in ------------------------------------------------------------------------
 
     def on_state(self, state: State, now_s: float) -> None:
-        """Take in which commands were heard: the round trip shows."""
         before = self.trip.heard_s
         self.trip.echoed(state.last_seq, now_s)
         newest = self.trip.seconds

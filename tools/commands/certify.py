@@ -31,8 +31,7 @@ from ...protocols.topics import SENSORS, Role
 # Elliptic keys on P-256. A private key is written once, readable by its owner alone, and never
 # again.
 YEARS_OF_AUTHORITY: Final = 10
-DAYS: Final = 730
-"""Validity of a certificate by default [d]."""
+DAYS: Final = 730  # validity of a certificate by default [d]
 
 CLOCKS_DIFFER: Final = timedelta(days=1)
 """A certificate holds from this long before now: the others' clocks may be behind."""
@@ -186,16 +185,13 @@ def _write(path: Path, text: bytes) -> None:
 class Holder:
     """Holder of a certificate, and its role."""
 
-    name: str
-    """The common name."""
+    name: str  # the common name
     grants: frozenset[Grant]
     hosts: frozenset[str] = frozenset()
 
 
-SCAN: Final = "scan"
-"""`telerobot scan`, which asks for a certificate of that name."""
-SCANS: Final = ("contour", "obstacle")
-"""Keys that it puts on: a scanner tells of obstacles, too."""
+SCAN: Final = "scan"  # `telerobot scan`, which asks for a certificate of that name
+SCANS: Final = ("contour", "obstacle")  # keys that it puts on: a scanner tells of obstacles, too
 
 
 def named(cells: list[Cell], args: argparse.Namespace) -> list[Holder]:
@@ -343,7 +339,6 @@ LONGEST_DAYS = 3650
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
     parser.add_argument(
         "cells", metavar="CELL", nargs="+", help="path of a cell file, or a shipped cell's name"
     )

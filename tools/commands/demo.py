@@ -109,7 +109,6 @@ class _Show:
             self._failure = run.failure
 
     def close(self) -> None:
-        """Leave the daemon."""
         self.operator.close()
 
     def summary(self, statistics: dict[str, float]) -> dict[str, object]:

@@ -18,8 +18,7 @@ from ..scripts.script import load_script
 POLL_S = 0.004
 REDRAW_S = 0.1
 
-FIRST_STATE_S = 0.5
-"""The lease is asked for once telemetry comes, or after this long [s]."""
+FIRST_STATE_S = 0.5  # the lease is asked for once telemetry comes, or after this long [s]
 
 
 def run(args: argparse.Namespace) -> int:

@@ -26,12 +26,10 @@ from ...protocols.topics import Role
 from ..host.address import cell_from
 from ..simulation.sensors import FrameSensors
 
-PRIORITY = 50
-"""SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines."""
+PRIORITY = 50  # SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines
 
 
-LISTEN_PERIODS = 2
-"""Another rig is listened for so long before this one starts [heartbeat periods]."""
+LISTEN_PERIODS = 2  # another rig is listened for so long before this one starts [heartbeat periods]
 
 
 class Refusals:

@@ -26,10 +26,8 @@ from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..host.address import cell_from
 from ..host.local_plant import until_told
 
-STATES = 64
-"""Unread telemetry that is kept [1]: a search takes some tenths of a second."""
-TOLD_EVERY_S = 5.0
-"""Refused telegrams are told at most so often [s]."""
+STATES = 64  # unread telemetry that is kept [1]: a search takes some tenths of a second
+TOLD_EVERY_S = 5.0  # refused telegrams are told at most so often [s]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -64,8 +62,7 @@ class _ScanWork:
         self._clocks = Clocks()
         self._connections = 0
         self._next_complaint_s, self._left_out = 0.0, 0
-        self.told = 0
-        """Contours that the daemon was told [1]."""
+        self.told = 0  # contours that the daemon was told [1]
 
     def run(self, over: Over) -> None:
         """Look at every scan as it comes."""
@@ -81,7 +78,6 @@ class _ScanWork:
                 _say(self._scanning.events.popleft())
 
     def close(self) -> None:
-        """Hang up on both sides."""
         self._client.close()
         self._session.close()
 

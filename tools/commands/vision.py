@@ -44,7 +44,6 @@ class _World:
         self._truth: RigTruth | None = None
 
     def on_truth(self, truth: RigTruth) -> None:
-        """Take in what the rig tells."""
         self._truth = truth
 
     def picture(self, camera: str) -> Picture | None:

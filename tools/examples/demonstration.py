@@ -16,12 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from telerobot import Operator, OperatorError, SimulatedOperator
 
-RATE: Final = 20.0
-"""Postures a second [1/s]."""
+RATE: Final = 20.0  # postures a second [1/s]
 APPROACH: Final = 4.0
 """The server goes towards a posture at this part of the way left a second [1/s]."""
-MOVING: Final = 1e-3
-"""Speed below which a joint stands [rad/s]."""
+MOVING: Final = 1e-3  # speed below which a joint stands [rad/s]
 
 Array = NDArray[np.float64]
 
@@ -69,7 +67,6 @@ def _send(operator: Operator, posture: Array) -> None:
 
 
 def main() -> None:
-    """Play a demonstration."""
     parser = argparse.ArgumentParser(description="Play a recorded demonstration again.")
     parser.add_argument("cell", help="a shipped cell, or the path of yours")
     parser.add_argument("file", type=Path, help="run.npz of `telerobot export --to numpy`")

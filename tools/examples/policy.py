@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from telerobot import Operator, OperatorError, SimulatedOperator
 from telerobot.protocols.messages.telemetry import State
 
-RATE: Final = 20.0
-"""Decisions a second [1/s]."""
+RATE: Final = 20.0  # decisions a second [1/s]
 
 Array = NDArray[np.float64]
 Policy = Callable[[Array], Array]
@@ -35,10 +34,8 @@ def observation(state: State) -> Array:
 class ReachPolicy:
     """One layer of a network that leads the tool to a place; learned weights may take its place."""
 
-    GAIN: Final = 1.5
-    """Speed for a distance [1/s]."""
-    FASTEST: Final = 0.05
-    """Fastest motion along each axis [m/s]."""
+    GAIN: Final = 1.5  # speed for a distance [1/s]
+    FASTEST: Final = 0.05  # fastest motion along each axis [m/s]
 
     def __init__(self, place: Array) -> None:
         """Build it for a place (3,) [m] in World."""
@@ -69,7 +66,6 @@ def run(operator: Operator, policy: Policy, seconds: float) -> None:
 
 
 def main() -> None:
-    """Lead the tool 6 cm upwards and 4 cm to the side."""
     parser = argparse.ArgumentParser(description="Lead the tool to a place by a policy.")
     parser.add_argument("cell", help="a shipped cell, or the path of yours")
     parser.add_argument("--simulate", action="store_true", help="simulate the cell here")

@@ -12,8 +12,7 @@ from ...server.control import compilation
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-QUIET_S: Final = 2.0
-"""Compiling that takes no longer is not told [s]."""
+QUIET_S: Final = 2.0  # compiling that takes no longer is not told [s]
 
 WORDS: Final = "telerobot: compiling kernels for this machine, once"
 
@@ -69,6 +68,5 @@ class _CompileNotice:
             self._said = True
 
     def close(self) -> None:
-        """End the line."""
         if self._bar is not None:
             self._bar.close()

@@ -25,12 +25,9 @@ from tqdm import tqdm
 
 from ...config.errors import ConfigError, printable
 
-DEATHS: Final = 3
-"""A job whose worker has died so often is given up [1]."""
-LOOK_S: Final = 1.0
-"""Time between two looks at which workers of a cluster are still there [s]."""
-DIAL_S: Final = 10.0
-"""Time that a cluster has to answer [s]."""
+DEATHS: Final = 3  # a job whose worker has died so often is given up [1]
+LOOK_S: Final = 1.0  # time between two looks at which workers of a cluster are still there [s]
+DIAL_S: Final = 10.0  # time that a cluster has to answer [s]
 SCHEME: Final = "dask://"
 
 J = TypeVar("J")
@@ -46,12 +43,9 @@ class Place:
     """Where jobs run, and what keeps their results."""
 
     processes: int = 1
-    cluster: str = ""
-    """HOST:PORT of a Dask scheduler; empty: processes of this machine."""
-    rows: Path | None = None
-    """A file that takes a line of JSON for each result."""
-    resume: bool = False
-    """Jobs whose results stand there are not run again."""
+    cluster: str = ""  # HOST:PORT of a Dask scheduler; empty: processes of this machine
+    rows: Path | None = None  # a file that takes a line of JSON for each result
+    resume: bool = False  # jobs whose results stand there are not run again
 
 
 @dataclass(frozen=True)
@@ -157,7 +151,6 @@ class _Lane:
         return self._pool.submit(work, job)
 
     def close(self) -> None:
-        """End the process, in whatever job it is."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGTERM)
         self._pool.shutdown(cancel_futures=True)

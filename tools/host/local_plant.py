@@ -24,11 +24,9 @@ from .address import moved, options
 # --- Private plant on this machine: rig and daemon as processes, apart from any other -------------
 CLI = f"{__package__.removesuffix('.host')}.cli"
 POLL_S = 0.02
-TERMINATE_S = 8.0
-"""A child that was asked to end is killed after [s]."""
+TERMINATE_S = 8.0  # a child that was asked to end is killed after [s]
 
-AT_ONCE_S = 20.0
-"""A child that ends within this time of its second start is not started again [s]."""
+AT_ONCE_S = 20.0  # a child that ends within this time of its second start is not started again [s]
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _libc = ctypes.CDLL(None)
@@ -93,7 +91,6 @@ class LocalPlant:
         self.rig = self._start("rig", moved(self.cell, endpoint=self.rig_endpoint), [])
 
     def start_daemon(self) -> None:
-        """Start the daemon."""
         statistics = [] if self._statistics is None else [f"--statistics={self._statistics}"]
         boxes = f"--blackbox={self._boxes or self._folder.name}"
         self.daemon = self._start("serve", self.cell, [*statistics, boxes, "--log=off"])

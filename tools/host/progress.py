@@ -5,8 +5,7 @@ from typing import Final, TypeVar
 
 from tqdm import tqdm
 
-SHOWN_AFTER_S: Final = 2.0
-"""Time after which progress is shown [s]."""
+SHOWN_AFTER_S: Final = 2.0  # time after which progress is shown [s]
 
 Item = TypeVar("Item")
 

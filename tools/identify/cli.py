@@ -99,11 +99,9 @@ class Subject(NamedTuple):
     """One arm: its part of the cell, and where commands and states have it."""
 
     part: Cell
-    mechanism: str | None
-    """Name for commands; None for the only one."""
+    mechanism: str | None  # name for commands; None for the only one
     task: str | None
-    joints: slice
-    """Its joints among all of the cell."""
+    joints: slice  # its joints among all of the cell
 
 
 def subject_of(cell: Cell, mechanism: str | None) -> Subject:
@@ -128,22 +126,17 @@ def subject_of(cell: Cell, mechanism: str | None) -> Subject:
 #
 # The same guide leads a real daemon, in wall time, and a simulated one, in virtual time: it
 # knows no clock but that of the states.
-SETTLE_S = 0.4
-"""From arrival until the sensor is believed [s]."""
-AVERAGE_S = 0.6
-"""The sensor is averaged for this long [s]."""
-ARRIVE_S = 30.0
-"""A posture that is not reached by then will not be [s]."""
+SETTLE_S = 0.4  # from arrival until the sensor is believed [s]
+AVERAGE_S = 0.6  # the sensor is averaged for this long [s]
+ARRIVE_S = 30.0  # a posture that is not reached by then will not be [s]
 
 
 @dataclass
 class AttitudeMean:
     """Means over one attitude."""
 
-    q: Array
-    """Measured joints (n,) [rad]."""
-    wrench: Array
-    """The sensor's reading, exerted sign (6,) [N, N·m]."""
+    q: Array  # measured joints (n,) [rad]
+    wrench: Array  # the sensor's reading, exerted sign (6,) [N, N·m]
 
 
 @dataclass
@@ -153,11 +146,9 @@ class Guide:
     client: ProtocolClient
     stops: list[AttitudeStop]
     say: Callable[[str], None] = lambda _line: None
-    subject: Subject | None = None
-    """The arm that it leads; None: the only one."""
+    subject: Subject | None = None  # the arm that it leads; None: the only one
     samples: list[AttitudeMean] = field(default_factory=list)
-    failure: str = ""
-    """Reason of a failure."""
+    failure: str = ""  # reason of a failure
     over: bool = False
     _at: int = -1
     _asked_seq: int = 0
@@ -249,8 +240,7 @@ class Guide:
 
 
 # --- Identification from the first attitude to the estimate: on a daemon, or in virtual time ------
-LONGEST_S = 1800.0
-"""No identification takes longer [s]."""
+LONGEST_S = 1800.0  # no identification takes longer [s]
 
 
 def identify(

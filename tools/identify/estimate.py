@@ -12,12 +12,10 @@ from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import GRAVITY, Array, Pose, skew
 
 # --- Attitudes for an identification: the wrist turns about a posture, the tool stays close by ----
-WRIST_JOINTS = 3
-"""Number of joints that turn, counted from the last [1]."""
+WRIST_JOINTS = 3  # number of joints that turn, counted from the last [1]
 CANDIDATES = 600
 PATH_SAMPLES = 12
-FROM_LIMIT = 0.05
-"""Kept from the joint limits [rad]."""
+FROM_LIMIT = 0.05  # kept from the joint limits [rad]
 
 
 @dataclass(frozen=True)
@@ -128,10 +126,8 @@ def _spread(rows: Array, count: int) -> list[int]:
 # estimate, for an antisymmetric cross-talk *is* a rotation. Of D (m R)⁻¹ the antisymmetric part
 # is the centre of mass, the symmetric part K how forces leak into moments. Wrenches are those
 # exerted by the arm.
-WORST_CONDITION = 12.0
-"""Attitudes whose directions of gravity are worse spread tell too little [1]."""
-LEAST_WEIGHT = 2.0
-"""A payload that weighs less says nothing about the mounting [N]."""
+WORST_CONDITION = 12.0  # attitudes whose directions of gravity are worse spread tell too little [1]
+LEAST_WEIGHT = 2.0  # a payload that weighs less says nothing about the mounting [N]
 NEEDED = 1.5
 """Cross-talk is worth correcting when the residual is so many times smaller with it [1]."""
 
@@ -144,33 +140,23 @@ class NotIdentified(Exception):
 class Residual:
     """Residual of a model: root mean square over the attitudes."""
 
-    force: float
-    """Norm of the force [N]."""
-    moment: float
-    """Norm of the moment [N·m]."""
+    force: float  # norm of the force [N]
+    moment: float  # norm of the moment [N·m]
 
 
 @dataclass(frozen=True)
 class Estimate:
     """Estimate, in the terms of a cell file."""
 
-    mass: float
-    """[kg]"""
-    com: Array
-    """Centre of mass in the Sensor frame (3,) [m]."""
-    bias: Array
-    """The sensor's own reading without load (6,) [N, N·m], the load's sign."""
-    R_wrist_sensor: Array
-    """Mounting (3, 3)."""
-    mounting_known: bool
-    """False where the payload is too light to show it: the cell's own is kept."""
-    calibration: Array | None
-    """Reading less bias to wrench (6, 6); None where it is not needed."""
+    mass: float  # [kg]
+    com: Array  # centre of mass in the Sensor frame (3,) [m]
+    bias: Array  # the sensor's own reading without load (6,) [N, N·m], the load's sign
+    R_wrist_sensor: Array  # mounting (3, 3)
+    mounting_known: bool  # False where the payload is too light to show it: the cell's own is kept
+    calibration: Array | None  # reading less bias to wrench (6, 6); None where it is not needed
     residual: Residual
-    rigid_residual: Residual
-    """The same without a correction of cross-talk."""
-    condition: float
-    """Condition number of the least squares: 2 is as good as attitudes can be [1]."""
+    rigid_residual: Residual  # the same without a correction of cross-talk
+    condition: float  # condition number of the least squares: 2 is as good as attitudes can be [1]
     attitudes: int
 
     def rpy(self) -> tuple[float, float, float]:

@@ -18,10 +18,8 @@ from ...config.urdf.meshes import find_mesh, read_mesh
 
 # --- Shapes of links: the triangles of their meshes and primitives, in the links' frames ----------
 Array = NDArray[np.float64]
-_ROUND = 16
-"""Corners of a circle that stands for a round primitive [1]."""
-LARGEST = 100.0
-"""A link whose mesh is larger is one in millimetres, or none [m]."""
+_ROUND = 16  # corners of a circle that stands for a round primitive [1]
+LARGEST = 100.0  # a link whose mesh is larger is one in millimetres, or none [m]
 
 
 class LinkMesh(NamedTuple):
@@ -36,12 +34,9 @@ class LinkMesh(NamedTuple):
 class Hull(NamedTuple):
     """The convex hull of a shape."""
 
-    volume: float
-    """[m³]."""
-    centre: Array
-    """Centre of volume (3,) [m]."""
-    moments: Array
-    """∫ (|r|² 1 − r rᵀ) dV about the centre (3, 3) [m⁵]."""
+    volume: float  # [m³]
+    centre: Array  # centre of volume (3,) [m]
+    moments: Array  # ∫ (|r|² 1 − r rᵀ) dV about the centre (3, 3) [m⁵]
 
 
 def link_shape(
@@ -183,19 +178,14 @@ def _between(rings: list[Array]) -> Array:
 # shape.
 WORTH: Final = 0.85
 """Each capsule more has to leave less than this part of the volume that all hold [1]."""
-MOST: Final = 3
-"""Capsules of a link [1]."""
-_CUTS: Final = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Where a shape is cut along an axis, by its length [1]."""
+MOST: Final = 3  # capsules of a link [1]
+_CUTS: Final = (0.2, 0.35, 0.5, 0.65, 0.8)  # where a shape is cut along an axis, by its length [1]
 _RADII: Final = np.array([1.0, 1.02, 1.05, 1.1, 1.2, 1.35])
 _HERE: Final = np.zeros(4)
 _STEPS: Final = (0.3, 0.15, 0.07, 0.03, 0.012, 0.005)
-_SPARE: Final = 2e-4
-"""Added to every radius: numbers are written with four digits [m]."""
-_CORNERS: Final = 240
-"""Corners that a search looks at; the end is held against all [1]."""
-_TRIANGLES: Final = 600
-"""Triangles that a search for cuts looks at [1]."""
+_SPARE: Final = 2e-4  # added to every radius: numbers are written with four digits [m]
+_CORNERS: Final = 240  # corners that a search looks at; the end is held against all [1]
+_TRIANGLES: Final = 600  # triangles that a search for cuts looks at [1]
 _SAMPLES: Final = 20_000
 
 
@@ -231,10 +221,8 @@ class Fit(NamedTuple):
     tubes: tuple[Tube, ...]
     ratio: float
     """Volume of their union by that of the shape's convex hull [1]; inf for a flat shape."""
-    source: str
-    """Shape that they hold, in words."""
-    holds: tuple[str, ...] = ()
-    """Links that have none of their own: these hold their shapes, too."""
+    source: str  # shape that they hold, in words
+    holds: tuple[str, ...] = ()  # links that have none of their own: these hold their shapes, too
 
 
 def fit(shape: LinkMesh) -> Fit:
@@ -403,8 +391,7 @@ def union(tubes: tuple[Tube, ...]) -> float:
 #
 # A cell has room for so many. Parts that stand need the least detail, so they are merged first;
 # a link that is left with no capsule of its own is named by the one that holds it.
-MOST_OF_CELL: Final = 64
-"""Capsules of a cell [1]."""
+MOST_OF_CELL: Final = 64  # capsules of a cell [1]
 
 
 class Place(NamedTuple):

@@ -17,7 +17,6 @@ from .robot import read_arms
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
     parser.add_argument("urdf", metavar="ARM.urdf", type=Path, help="the arm's robot description")
     parser.add_argument(
         "--tip",

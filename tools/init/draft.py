@@ -30,7 +30,6 @@ def path_from(folder: Path, file: Path) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a string in quotes."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -64,8 +63,7 @@ def numbers(values: Iterable[float], digits: int = 4) -> str:
 
 
 # --- Draft of a cell while `init` makes it, and the text of its file ------------------------------
-CONFIRM = "CONFIRM"
-"""Begins every comment at something that must be confirmed."""
+CONFIRM = "CONFIRM"  # begins every comment at something that must be confirmed
 
 
 @dataclass
@@ -111,19 +109,13 @@ class Draft:
     sideways: float = 7.5e-4
     """The first across the tool: friction holds it there as stiffly as the arm is [m/s/N]."""
     stiffness: tuple[float, float] = (20_000.0, 500.0)
-    wall: tuple[Array, Array, float] | None = None
-    """Centre of its face, normal, and half its side."""
-    reach: float = 1.0
-    """How far from Base the tool gets [m]."""
+    wall: tuple[Array, Array, float] | None = None  # centre of its face, normal, and half its side
+    reach: float = 1.0  # how far from Base the tool gets [m]
     singular_region: float = 0.05
-    length: float = 0.3
-    """Weighs radians against metres [m]."""
-    push: float = 10.0
-    """Force of the default script on the wall [N]."""
-    fits: list[Fit] = field(default_factory=list)
-    """Capsules of its links, and of what stands."""
-    passes: list[Array] = field(default_factory=list)
-    """Postures that the script leads it through."""
+    length: float = 0.3  # weighs radians against metres [m]
+    push: float = 10.0  # force of the default script on the wall [N]
+    fits: list[Fit] = field(default_factory=list)  # capsules of its links, and of what stands
+    passes: list[Array] = field(default_factory=list)  # postures that the script leads it through
     port: int = 43210
 
 
@@ -414,22 +406,16 @@ def _radius(draft: Draft) -> float:
 
 
 # --- Drives by their joints' limits in the URDF, and which of these cannot be meant ---------------
-UNKNOWN_SPEED: Final = (0.5, 0.1)
-"""Of a joint whose URDF says none."""
+UNKNOWN_SPEED: Final = (0.5, 0.1)  # of a joint whose URDF says none
 FASTEST: Final = (1.5, 0.25)
 """No joint is told to be faster, a prismatic one in metres [rad/s], [m/s]."""
-QUICKEST: Final = 8.0
-"""No joint accelerates more [rad/s²]."""
-STRONGEST: Final = 1e4
-"""Greater torques in a URDF stand for none [N·m]."""
+QUICKEST: Final = 8.0  # no joint accelerates more [rad/s²]
+STRONGEST: Final = 1e4  # greater torques in a URDF stand for none [N·m]
 MEANT: Final = 20.0
 """A torque beyond so many times what holds all of the arm, stretched out, is doubted [1]."""
-HOLDS: Final = 0.7
-"""Part of a torque that gravity may take in postures that are used [1]."""
-OFTEN: Final = 0.3
-"""A torque that holds the arm in fewer of all postures cannot be meant [1]."""
-STOPS_S: Final = 0.4
-"""Time in which the acceleration ends the greatest speed [s]."""
+HOLDS: Final = 0.7  # part of a torque that gravity may take in postures that are used [1]
+OFTEN: Final = 0.3  # a torque that holds the arm in fewer of all postures cannot be meant [1]
+STOPS_S: Final = 0.4  # time in which the acceleration ends the greatest speed [s]
 
 
 def cell_name(stem: str) -> str:

@@ -20,30 +20,21 @@ from .robot import UrdfArm, beyond, carried_mass
 from .study import BALL, GRANTED, GradedPosture, Solid, Study, ToolSide, by_design
 
 # --- The default script of a cell that `init` makes: it moves, stops, and touches a wall ----------
-WITHIN = 0.2
-"""The push on the wall is expected within this part of what is asked for [1]."""
+WITHIN = 0.2  # the push on the wall is expected within this part of what is asked for [1]
 
 
 class ScriptFigures(NamedTuple):
     """Figures of the script's steps; in World."""
 
-    ready_s: float
-    """From `start` to `ready` [s]."""
-    aside: Array
-    """Twist (6,) of the stick [m/s]."""
-    target: tuple[Array, Array]
-    """Pose of the MRF: place [m], roll, pitch, yaw [rad]."""
+    ready_s: float  # from `start` to `ready` [s]
+    aside: Array  # twist (6,) of the stick [m/s]
+    target: tuple[Array, Array]  # Pose of the MRF: place [m], roll, pitch, yaw [rad]
     target_s: float
-    forward: Array
-    """Direction of the wall (3,)."""
-    approach: tuple[float, float]
-    """Speed of the stick towards it [m/s], and how long [s]."""
-    press: float
-    """Speed of the stick that pushes [m/s]."""
-    force: float
-    """Force that follows from it [N]."""
-    press_s: float
-    """Time of the push [s]."""
+    forward: Array  # direction of the wall (3,)
+    approach: tuple[float, float]  # speed of the stick towards it [m/s], and how long [s]
+    press: float  # speed of the stick that pushes [m/s]
+    force: float  # force that follows from it [N]
+    press_s: float  # time of the push [s]
 
 
 def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
@@ -122,26 +113,20 @@ def _list(values: Array, digits: int = 5) -> str:
 
 
 # --- From a URDF to a cell: what can be read is read, what can be found is found ------------------
-TO_WALL: Final = 0.06
-"""From the ball to the wall at `ready` [m]."""
+TO_WALL: Final = 0.06  # from the ball to the wall at `ready` [m]
 INTO_WALL: Final = 0.03
 SHORT_OF_WALL: Final = 0.004
 """Before the wall the stick slows down to the speed that presses, so far [m]."""
-PUSH: Final = 10.0
-"""Force of the script on the wall, where the drives are strong enough [N]."""
+PUSH: Final = 10.0  # force of the script on the wall, where the drives are strong enough [N]
 HARDEST: Final = 100.0
 HUNTS: Final = 8e-5
 """Drives with friction place a tool no better: what that presses is lost in a push [m]."""
-QUIET: Final = 0.3
-"""A force loop of this gain, K_F k T, does not ring [1]."""
-PRESS_S: Final = 4.0
-"""A push lasts so long, where the arm goes straight [s]."""
-GRAVITY: Final = 9.81
-"""[m/s²]."""
+QUIET: Final = 0.3  # a force loop of this gain, K_F k T, does not ring [1]
+PRESS_S: Final = 4.0  # a push lasts so long, where the arm goes straight [s]
+GRAVITY: Final = 9.81  # [m/s²]
 WALL_HALF: Final = 0.07
 """Radius of rods that stand for the wall where another arm is planned beside it [m]."""
-_TRIES: Final = 40
-"""So many free postures are tried for the way to a wall [1]."""
+_TRIES: Final = 40  # so many free postures are tried for the way to a wall [1]
 
 
 @dataclass(frozen=True)
@@ -150,8 +135,7 @@ class Made:
 
     cell: str
     script: str
-    drafts: tuple[Draft, ...]
-    """One for each arm."""
+    drafts: tuple[Draft, ...]  # one for each arm
     plans: tuple[ScriptFigures, ...]
 
     @property
@@ -216,8 +200,7 @@ class _Bench:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "draft.toml"
-        self.beside: list[Solid] = []
-        """What arms that have been drafted pass through, and the wall."""
+        self.beside: list[Solid] = []  # what arms that have been drafted pass through, and the wall
 
     def load(self, *drafts: Draft) -> Cell:
         self._path.write_text(text_of(drafts), encoding="utf-8")

@@ -32,8 +32,7 @@ FINGERS: Final = 2
 """A branch of so many movable joints, or fewer, is a finger, a wheel or a head [1]."""
 OF_A_FINGER: Final = 4
 """Two branches of an arm's end that have so many joints, or fewer, are fingers; three are [1]."""
-OF_AN_ARM: Final = 3
-"""Before so many joints there is no arm yet that could end [1]."""
+OF_AN_ARM: Final = 3  # before so many joints there is no arm yet that could end [1]
 _OF_A_HAND: Final = re.compile(r"grip|finger|jaw|knuckle|thumb|claw|hand_joint", re.IGNORECASE)
 _OF_A_WRIST: Final = re.compile(r"wrist|forearm|elbow|shoulder|roll|pitch|yaw|flex", re.IGNORECASE)
 _OF_A_WHEEL: Final = re.compile(r"wheel|caster|castor|tyre|tire", re.IGNORECASE)
@@ -61,7 +60,6 @@ class LinkTree:
     """Links of a URDF, and the joints that each carries."""
 
     def __init__(self, root: ET.Element) -> None:
-        """Read them."""
         self._below: dict[str, list[ET.Element]] = {}
         carried = set()
         for joint in root.findall("joint"):
@@ -140,7 +138,6 @@ class LinkTree:
 
 
 def moves(joint: ET.Element) -> bool:
-    """Return whether a joint moves at all."""
     return joint.get("type") not in ("fixed", None)
 
 
@@ -177,10 +174,8 @@ def end_of(joint: ET.Element, which: str) -> str:
 # --- Facts of a URDF that a cell needs: which chain is the arm, which links lack what -------------
 DENSITY: Final = 1000.0
 """Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
-ROUGH_MASS: Final = 0.1
-"""Of a link that has no shape either [kg]."""
-LIGHT: Final = 1e-9
-"""Bodies have more inertia than this [kg·m²]."""
+ROUGH_MASS: Final = 0.1  # of a link that has no shape either [kg]
+LIGHT: Final = 1e-9  # bodies have more inertia than this [kg·m²]
 
 
 @dataclass(frozen=True)
@@ -201,24 +196,19 @@ class UrdfArm:
     urdf: Path
     root: ET.Element
     tip: str
-    chain: list[ET.Element]
-    """Movable joints from Base to tip."""
+    chain: list[ET.Element]  # movable joints from Base to tip
     fits: list[Fit] = field(default_factory=list)
     inertials: list[Inertial] = field(default_factory=list)
-    name: str = "arm"
-    """Name of the mechanism that it becomes."""
-    first_joint: str | None = None
-    """Joint that it begins with, where others on the way to it stand."""
+    name: str = "arm"  # name of the mechanism that it becomes
+    first_joint: str | None = None  # joint that it begins with, where others on the way to it stand
     without: tuple[str, ...] = ()
     """Links that other arms of the file have, with all that they carry."""
-    held: list[str] = field(default_factory=list)
-    """Movable joints that are no arm's."""
+    held: list[str] = field(default_factory=list)  # movable joints that are no arm's
     standing: list[str] = field(default_factory=list)
     """Joints of these that carry the arm, each with what it is."""
     fingers: list[str] = field(default_factory=list)
     """Joints of these that its last link carries: a gripper's."""
-    own: frozenset[str] = frozenset()
-    """The links that its first joint carries."""
+    own: frozenset[str] = frozenset()  # the links that its first joint carries
 
 
 def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfArm:
@@ -347,7 +337,6 @@ def _part(arms: list[UrdfArm]) -> None:
 
 
 def carried_by(root: ET.Element, link: str) -> set[str]:
-    """Return a link and all that it carries."""
     found, waiting = set(), [link]
     while waiting:
         at = waiting.pop()

@@ -17,32 +17,24 @@ from .capsules import Array
 from .draft import HOLDS, Draft
 
 # --- Search in a cell's own model: free postures, ways of the tool, what always overlaps ----------
-NEIGHBOURS: Final = 2
-"""Links so many joints apart, or fewer, may overlap."""
-ALWAYS: Final = 0.5
-"""Links that overlap in more of all postures than this are built so [1]."""
-APART: Final = 0.03
-"""Distance that links have in a posture that is found [m]."""
-TOUCHING: Final = 0.012
-"""Links that are nearer count as overlapping: clearance and margin [m]."""
+NEIGHBOURS: Final = 2  # links so many joints apart, or fewer, may overlap
+ALWAYS: Final = 0.5  # links that overlap in more of all postures than this are built so [1]
+APART: Final = 0.03  # distance that links have in a posture that is found [m]
+TOUCHING: Final = 0.012  # links that are nearer count as overlapping: clearance and margin [m]
 _DRAWN: Final = 4000
 _LOOKED_AT: Final = 400
-_ENOUGH: Final = 40
-"""Free postures are looked for until there are so many [1]."""
+_ENOUGH: Final = 40  # free postures are looked for until there are so many [1]
 GRANTED: Final = 0.25
 """Part of a straight way that the tool goes at least, where the arm cannot keep its angles [1]."""
-_CROSSED: Final = 200
-"""Postures of several arms that are looked at [1]."""
-_STEP: Final = 0.005
-"""Of a way that is tried [m]."""
+_CROSSED: Final = 200  # postures of several arms that are looked at [1]
+_STEP: Final = 0.005  # of a way that is tried [m]
 
 
 class GradedPosture(NamedTuple):
     """A posture, and how good it is."""
 
     q: Array
-    sigma: float
-    """Least singular value, of the axes that the arm reaches [m]."""
+    sigma: float  # least singular value, of the axes that the arm reaches [m]
 
 
 class Solid(NamedTuple):
@@ -262,14 +254,10 @@ def by_design(cell: Cell) -> list[tuple[str, str]]:
 
 
 # --- Place of the tool: from which face of the arm's last link it looks outward -------------------
-BALL: Final = 0.012
-"""Radius of the tool's ball [m]."""
-STANDS_OUT: Final = 0.02
-"""The ball stands out from the arm by so much [m]."""
-AT_THE_JOINT: Final = 0.02
-"""A tip link that is nearer to the last joint has its frame in it [m]."""
-_TURNS: Final = 8
-"""Angles of the last joint that the arm before it is looked at from [1]."""
+BALL: Final = 0.012  # radius of the tool's ball [m]
+STANDS_OUT: Final = 0.02  # the ball stands out from the arm by so much [m]
+AT_THE_JOINT: Final = 0.02  # a tip link that is nearer to the last joint has its frame in it [m]
+_TURNS: Final = 8  # angles of the last joint that the arm before it is looked at from [1]
 
 
 class ToolSide:

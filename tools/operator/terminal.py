@@ -54,14 +54,11 @@ DRIVES = {"v": 1.0, "b": -1.0}
 TURNS = {",": 1.0, ".": -1.0}
 """Key: direction in which a base on wheels turns, to the left and to the right."""
 
-BASE_PER_TOOL = 2.0
-"""A base is driven so much faster than the tool [1]."""
+BASE_PER_TOOL = 2.0  # a base is driven so much faster than the tool [1]
 
-SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""Stick speeds to choose from [m/s]."""
+SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # stick speeds to choose from [m/s]
 
-TURN_PER_METRE = 4.0
-"""Angular stick speed for each linear one [rad/m]."""
+TURN_PER_METRE = 4.0  # angular stick speed for each linear one [rad/m]
 
 FRAMES = (Frame.CRF, Frame.MRF, Frame.BASE, Frame.WORLD)
 
@@ -151,17 +148,13 @@ class Stick:
 FIRST_S = 0.55
 """Time for which a first press counts as held while the terminal's delay is unknown [s]."""
 
-REPEAT_S = 0.18
-"""Time for which a key counts as held after a repeat [s]."""
+REPEAT_S = 0.18  # time for which a key counts as held after a repeat [s]
 
-QUICK_S = 0.1
-"""Presses closer than this are repeats, no fingers [s]."""
+QUICK_S = 0.1  # presses closer than this are repeats, no fingers [s]
 
-DELAYS_S = (0.15, 0.9)
-"""Range of a terminal's delay before the first repeat [s]."""
+DELAYS_S = (0.15, 0.9)  # range of a terminal's delay before the first repeat [s]
 
-MARGIN_S = 0.08
-"""Added to the delay that was learnt [s]."""
+MARGIN_S = 0.08  # added to the delay that was learnt [s]
 
 SEQUENCES = {
     "\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left",
@@ -214,8 +207,7 @@ class HeldKeys:
     """Which keys are held, told from their presses and repeats."""
 
     def __init__(self) -> None:
-        self.first_s = FIRST_S
-        """Time for which a first press counts as held [s]; learnt."""
+        self.first_s = FIRST_S  # time for which a first press counts as held [s]; learnt
         self._until: dict[str, float] = {}
         self._presses: dict[str, deque[float]] = {}
 
@@ -232,7 +224,6 @@ class HeldKeys:
                 self.first_s = delay + MARGIN_S
 
     def held(self, now_s: float) -> set[str]:
-        """Return the keys that are held now."""
         self._until = {key: until for key, until in self._until.items() if until > now_s}
         return set(self._until)
 
@@ -243,14 +234,11 @@ class HeldKeys:
 
 
 # --- Lines of an operator's status: the arm, its motion, its bounds, the link. Pure ---------------
-ECHO_SHOWN_S = 1.0
-"""A round trip older than this is not shown [s]."""
+ECHO_SHOWN_S = 1.0  # a round trip older than this is not shown [s]
 
-SHOWN = 1e-4
-"""Smallest share of a twist that is shown [m/s, rad/s]."""
+SHOWN = 1e-4  # smallest share of a twist that is shown [m/s, rad/s]
 
-NAMES = {"joystick": "stick"}
-"""Sources that people call otherwise, here as on the page."""
+NAMES = {"joystick": "stick"}  # sources that people call otherwise, here as on the page
 
 
 @dataclass(frozen=True)
@@ -348,8 +336,7 @@ WHEELS = " v b  drive ahead, back while held, with  , .  turn to the left, right
 
 STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE)
 
-SILENT_S = 0.3
-"""Telemetry older than this is shown as missing [s]."""
+SILENT_S = 0.3  # telemetry older than this is shown as missing [s]
 
 
 class KeyboardTeleop:
@@ -357,8 +344,7 @@ class KeyboardTeleop:
 
     def __init__(self, operator: Operator, say: Callable[[str], None]) -> None:
         self.stick = Stick()
-        self.hand = 0
-        """Place of the task that the keys lead, among the cell's."""
+        self.hand = 0  # place of the task that the keys lead, among the cell's
         self.held = HeldKeys()
         self.quit = False
         self._operator, self._client, self._say = operator, operator.client, say
@@ -632,8 +618,7 @@ class Console:
     """A terminal in raw mode, with a status of a few lines at the bottom; a context manager."""
 
     def __init__(self) -> None:
-        self.ended = False
-        """True once a signal, or the terminal's end, asks to leave."""
+        self.ended = False  # True once a signal, or the terminal's end, asks to leave
         self._status: list[str] = []
         self._shown = False
         self._fd = sys.stdin.fileno()

@@ -322,8 +322,7 @@ def event_line(event: Event) -> str:
 
 
 # --- Why the arm does what it does now, in one sentence, and what to do next. Pure ----------------
-CAUSES = ("stopping",)
-"""Events that say why the arm stopped, beside errors."""
+CAUSES = ("stopping",)  # events that say why the arm stopped, beside errors
 
 
 def is_cause(event: Event) -> bool:

@@ -40,7 +40,6 @@ class TickTable:
 
     @property
     def rows(self) -> int:
-        """Number of ticks."""
         return len(self.columns["time_s"])
 
 

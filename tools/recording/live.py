@@ -31,8 +31,7 @@ from ..host.local_plant import until_told
 from .recorder import Recorder
 
 # --- The files of one recording: a new one when the last is large, each with the whole cell in it
-Open = Callable[[Path], Recorder]
-"""Opens a file. Raises `OSError`."""
+Open = Callable[[Path], Recorder]  # opens a file. Raises `OSError`
 
 
 class Files:
@@ -48,8 +47,7 @@ class Files:
         self._folder, self._stem, self._cell, self._largest = folder, stem, cell, largest
         self._open, self._number = opened, 0
         folder.mkdir(parents=True, exist_ok=True)
-        self.now = self._next()
-        """The recorder to write to."""
+        self.now = self._next()  # the recorder to write to
 
     def turn(self) -> None:
         """Hand what is written to the system, and begin a new file when it is time.
@@ -209,17 +207,14 @@ def picture_in(data: bytes) -> bytes:
 
 
 # --- Sources of a recorder: all topics that it may hear, frames on all buses, pictures in a folder
-DEPTH: Final = 1000
-"""Messages of a topic that wait for the recorder: ten seconds of telemetry [1]."""
+DEPTH: Final = 1000  # messages of a topic that wait for the recorder: ten seconds of telemetry [1]
 
-MOST_FRAMES: Final = 2000
-"""CAN frames of a bus that are taken at once [1]."""
+MOST_FRAMES: Final = 2000  # CAN frames of a bus that are taken at once [1]
 
 SHOWN_EVERY_NS: Final = 30_000_000
 """Joints and frames are written for viewers at most this often [ns]; states always."""
 
-PNG_END: Final = b"IEND\xaeB`\x82"
-"""The last bytes of a picture that is written to its end."""
+PNG_END: Final = b"IEND\xaeB`\x82"  # the last bytes of a picture that is written to its end
 
 
 class Ear(NamedTuple):
@@ -245,8 +240,7 @@ class CellRecorder:
         ]
         self._seen: dict[Path, int] = {}
         self._due_ns = 0
-        self.heard = 0
-        """Messages and frames that were written."""
+        self.heard = 0  # messages and frames that were written
         self.notices: list[str] = []
         self._buses: list[tuple[int, CanBus]] = []
         for i, bus in enumerate(cell.config.fieldbuses):
@@ -343,8 +337,7 @@ def _stamped(viewer: Viewer, camera: str, data: bytes) -> tuple[str, int, object
 
 # --- `telerobot record CELL`: a running cell as MCAP files, by a process of its own ---------------
 POLL_S: Final = 0.01
-RETRY_S: Final = 0.5
-"""While nobody answers, the daemon is dialled again after [s]."""
+RETRY_S: Final = 0.5  # while nobody answers, the daemon is dialled again after [s]
 
 
 def run(args: argparse.Namespace) -> int:

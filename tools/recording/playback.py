@@ -27,11 +27,9 @@ from .run_file import Recorded, RecordError, read_cell, read_run, read_scene
 #
 # Each piece holds the messages that a live page would be told, with their time `t` in the run
 # [s], and begins with the newest of everything from before, so that a page can begin anywhere.
-PIECE_S: Final = 4.0
-"""Length of a piece [s]."""
+PIECE_S: Final = 4.0  # length of a piece [s]
 
-STATE_S: Final = 1 / 25
-"""Messages of one kind are at least so far apart [s]: the eye sees no more."""
+STATE_S: Final = 1 / 25  # messages of one kind are at least so far apart [s]: the eye sees no more
 
 Words = Mapping[str, Any]
 
@@ -40,15 +38,12 @@ class Timeline:
     """One recorded run; raises `RecordError`, `ConfigError`, `OSError` for one that cannot be."""
 
     def __init__(self, path: Path) -> None:
-        """Read it."""
         self.cell = read_cell(path)
         self.scene = read_scene(path)
         """What the page drew when the run was recorded; None in older recordings."""
-        self.events: list[Words] = []
-        """All events in words, each with its time `t` [s]."""
+        self.events: list[Words] = []  # all events in words, each with its time `t` [s]
         self.length_s = 0.0
-        self.states = 0
-        """States that can be shown [1]."""
+        self.states = 0  # states that can be shown [1]
         self._path = path
         self._cause: Event | None = None
         self._pieces: list[bytes] = []
@@ -200,8 +195,7 @@ class PlaybackServer(SceneServer):
 
 
 # --- `telerobot console`: a cell's page; of a recorded run, the page with its time line -----------
-RECORDING: Final = ".mcap"
-"""End of the name of a recorded run."""
+RECORDING: Final = ".mcap"  # end of the name of a recorded run
 
 
 def run(args: argparse.Namespace) -> int:

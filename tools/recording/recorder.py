@@ -17,8 +17,7 @@ from ...server.recorder import ABOUT, CELL, MEMORY, TICK, KeptTick, pack_memorie
 from ..operator.web.scene import scene_of
 from .run_file import SCENE
 
-CHUNK_BYTES = 128 * 1024
-"""Small chunks: a crash loses no more than one."""
+CHUNK_BYTES = 128 * 1024  # small chunks: a crash loses no more than one
 
 _SCAN_SCHEMA = {
     "type": "object",
@@ -67,7 +66,6 @@ class Recorder:
         self.close()
 
     def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
-        """Write a CAN frame."""
         row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
         self._write("can", lambda: _FRAME_SCHEMA, time_s, row)
 
@@ -127,7 +125,6 @@ class Recorder:
         self._file.flush()
 
     def close(self) -> None:
-        """Finish the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 

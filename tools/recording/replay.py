@@ -42,12 +42,9 @@ class Replayed(NamedTuple):
     before: tuple[Memory, ...]
     nexts: tuple[Memory, ...]
     outputs: tuple[Output, ...]
-    raised: str | None
-    """Error that the tick raised, in one line."""
-    difference: str | None
-    """First output that differs from the record; None where none does."""
-    stamp_ns: int = 0
-    """Time of day of the recording [ns]."""
+    raised: str | None  # error that the tick raised, in one line
+    difference: str | None  # first output that differs from the record; None where none does
+    stamp_ns: int = 0  # time of day of the recording [ns]
 
     @property
     def inputs(self) -> tuple[Inputs, ...]:
@@ -59,14 +56,10 @@ class Replayed(NamedTuple):
 class Judgement:
     """Figures of a replay."""
 
-    ticks: int = 0
-    """Ticks that were computed again."""
-    memories: int = 0
-    """Memories that were compared, too."""
-    skipped: int = 0
-    """Ticks for which no memory was there to begin with."""
-    first_s: float | None = None
-    """Time of the first recorded tick, on the daemon's clock [s]."""
+    ticks: int = 0  # ticks that were computed again
+    memories: int = 0  # memories that were compared, too
+    skipped: int = 0  # ticks for which no memory was there to begin with
+    first_s: float | None = None  # time of the first recorded tick, on the daemon's clock [s]
     last_s: float | None = None
     difference: str | None = None
 
@@ -196,8 +189,7 @@ def first_difference(a: Any, b: Any, path: str = "") -> str | None:
 
 
 # --- One tick in words: what every stage did, in the order of the tick's page ---------------------
-SMALL = 1e-12
-"""Twists below this are not told [m/s, rad/s]."""
+SMALL = 1e-12  # twists below this are not told [m/s, rad/s]
 
 
 def explain(cell: Cell, tick: Replayed) -> str:

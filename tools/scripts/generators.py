@@ -27,8 +27,7 @@ class Handles:
 
     def __init__(self, config: ReflectionSection | None) -> None:
         self._config = config
-        self.of_operator: dict[str, ReflectingClient] = {}
-        """By the operators' names."""
+        self.of_operator: dict[str, ReflectingClient] = {}  # by the operators' names
 
     def take(self, step: HandleMotion, client: ProtocolClient, now_s: float) -> None:
         """Move a handle as a step says. Raises `ValueError` in a cell that reflects no forces."""
@@ -80,30 +79,18 @@ Array = NDArray[np.float64]
 
 JAMMED_S = 2.2
 """Force without progress for so long begins the search [s]: the daemon has named it by then."""
-HELD_UP = 0.1
-"""Less of what was asked for than this part is no progress [1]."""
-PRESSED_N = 5.0
-"""Below this something else holds it up [N]."""
-GENTLE = 0.5
-"""Part of the speed that the edges are pressed together with while it is searched [1]."""
-CAUGHT = 1.5e-3
-"""So much further, and it is in [m]."""
-FALLS_S = 0.3
-"""What it gets on by is seen over this time [s]."""
-DEEPER = 5e-4
-"""So much further, and the spiral begins anew about there [m]."""
-FALLS = 0.5
-"""While it gets on by this part of what is asked for, it goes round no further [1]."""
-PITCH = 2e-3
-"""Between two turns of the spiral [m]: less than what chamfers catch."""
-ROUND = 4e-3
-"""Speed along the spiral [m/s]."""
-BACK = 2.0
-"""What is off the spiral, or the swing, is taken back with [1/s]."""
-TURNING = 0.02
-"""Greatest rate of the swing [rad/s]."""
-SWINGS = 2.0
-"""Swings of the tilt for each turn of the spiral [1]."""
+HELD_UP = 0.1  # less of what was asked for than this part is no progress [1]
+PRESSED_N = 5.0  # below this something else holds it up [N]
+GENTLE = 0.5  # part of the speed that the edges are pressed together with while it is searched [1]
+CAUGHT = 1.5e-3  # so much further, and it is in [m]
+FALLS_S = 0.3  # what it gets on by is seen over this time [s]
+DEEPER = 5e-4  # so much further, and the spiral begins anew about there [m]
+FALLS = 0.5  # while it gets on by this part of what is asked for, it goes round no further [1]
+PITCH = 2e-3  # between two turns of the spiral [m]: less than what chamfers catch
+ROUND = 4e-3  # speed along the spiral [m/s]
+BACK = 2.0  # what is off the spiral, or the swing, is taken back with [1/s]
+TURNING = 0.02  # greatest rate of the swing [rad/s]
+SWINGS = 2.0  # swings of the tilt for each turn of the spiral [1]
 
 
 class InsertionMotion:
@@ -215,7 +202,6 @@ class InsertionMotion:
 
 
 def _at_most(vector: Array, size: float) -> Array:
-    """Return a vector of at most a size."""
     return vector * min(1.0, size / max(float(np.linalg.norm(vector)), 1e-12))
 
 
@@ -271,8 +257,7 @@ def _rotation_about(vector: Array) -> Array:
 
 
 # --- Motions of a script's obstacles, in the physics and in the daemon's news ---------------------
-NEWS_EVERY_S = 0.05
-"""Time between two news of an obstacle that moves [s]."""
+NEWS_EVERY_S = 0.05  # time between two news of an obstacle that moves [s]
 
 
 @dataclass

@@ -16,11 +16,9 @@ from ..operator.words import event_line
 from .player import Phase, Player
 from .script import Script
 
-ENABLE_WITHIN_S = 15.0
-"""A script whose arm is not enabled by then has failed [s]."""
+ENABLE_WITHIN_S = 15.0  # a script whose arm is not enabled by then has failed [s]
 
-SILENCE_S = 2.0
-"""Without telemetry for this long, the daemon is taken for gone [s]."""
+SILENCE_S = 2.0  # without telemetry for this long, the daemon is taken for gone [s]
 
 
 class LiveRun:
@@ -38,8 +36,7 @@ class LiveRun:
             operator.inject,
             operator.reflection,
         )
-        self.failure = ""
-        """Reason for an early end, or empty."""
+        self.failure = ""  # reason for an early end, or empty
         self.events: list[Event] = []
         self._operator, self._say = operator, say
 

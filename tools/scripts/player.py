@@ -40,12 +40,9 @@ from .script import (
 class Conditions:
     """Conditions of a connection."""
 
-    delay_s: float = 0.0
-    """One way, the same in both directions [s]."""
-    jitter: float = 0.0
-    """Part of the delay by which it varies to either side, each time anew [1]."""
-    loss: float = 0.0
-    """Part of what is sent that does not arrive [1]."""
+    delay_s: float = 0.0  # one way, the same in both directions [s]
+    jitter: float = 0.0  # part of the delay by which it varies to either side, each time anew [1]
+    loss: float = 0.0  # part of what is sent that does not arrive [1]
     cut: bool = False
 
 
@@ -136,7 +133,6 @@ class Operators:
         return client
 
     def on_state(self, state: State) -> None:
-        """Send a state down every operator's line."""
         for client in self:
             arrive = partial(self._arrive, client, state)
             self._lines[client.name].carry(arrive, self._now_s, t.STATE.key)
@@ -206,15 +202,13 @@ class Operators:
 Inject = Callable[[RigFault | RigMotion], None]
 """Gives the virtual hardware a message: a fault, or a motion of what stands there."""
 
-DUE_S = 1e-9
-"""A step is due this much before its time: sums of decimal fractions are not exact [s]."""
+DUE_S = 1e-9  # a step is due this much before its time: sums of decimal fractions are not exact [s]
 
 
 class Phase(Enum):
     """Progress of the player."""
 
-    WAITING = auto()
-    """For telemetry to show a daemon that is READY."""
+    WAITING = auto()  # for telemetry to show a daemon that is READY
     ACQUIRING = auto()
     ENABLING = auto()
     PLAYING = auto()
@@ -237,10 +231,8 @@ class Player:
     ) -> None:
         self.script = script
         self.phase = Phase.WAITING
-        self.start_s = 0.0
-        """Beginning of the script's time, on the clock of `run`."""
-        self.refused: list[str] = []
-        """Steps that the daemon refused, with its reasons."""
+        self.start_s = 0.0  # beginning of the script's time, on the clock of `run`
+        self.refused: list[str] = []  # steps that the daemon refused, with its reasons
         self.failure = ""
         self.on_step: Callable[[Step], None] = _ignore
         """Called with every step just before it is done."""
@@ -258,7 +250,6 @@ class Player:
         return self.phase in (Phase.OVER, Phase.FAILED)
 
     def on_state(self, state: State) -> None:
-        """Take in a state."""
         self.operators.on_state(state)
 
     def on_reflection(self, news: Reflection) -> None:

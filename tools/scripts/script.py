@@ -73,8 +73,7 @@ class TopicMessage:
 # --- Tables of a script that are no message: motions over time, a device, the network, raw bytes
 KEYS = tuple(topic.key for topic in t.TOPICS)
 
-SCRIPT = "script"
-"""Name under which a script tells of obstacles, where no certificate has another."""
+SCRIPT = "script"  # name under which a script tells of obstacles, where no certificate has another
 
 
 class ScriptTable(BaseModel):
@@ -147,15 +146,11 @@ class DrivenInsertion(ScriptTable):
     """
 
     task: m.Identifier | None = None
-    velocity: m.Vector3
-    """[m/s]"""
+    velocity: m.Vector3  # [m/s]
     expressed_in: Literal["world", "mrf"] = "mrf"
-    way: float = Field(gt=0, le=1)
-    """[m]"""
-    search: float = Field(0.0, ge=0, le=0.05)
-    """[m]"""
-    tilt: float = Field(0.0, ge=0, le=0.2)
-    """[rad]"""
+    way: float = Field(gt=0, le=1)  # [m]
+    search: float = Field(0.0, ge=0, le=0.05)  # [m]
+    tilt: float = Field(0.0, ge=0, le=0.2)  # [rad]
     swing: bool = False
 
     @field_validator("velocity")
@@ -171,8 +166,7 @@ class LinkConditions(ScriptTable):
     """An operator's connection from now on."""
 
     cut: bool = False
-    delay_s: float = Field(0.0, ge=0, le=60)
-    """Delay one way, the same in both directions."""
+    delay_s: float = Field(0.0, ge=0, le=60)  # delay one way, the same in both directions
     jitter: float = Field(0.0, ge=0, le=1)
     loss: float = Field(0.0, ge=0, lt=1)
 
@@ -205,8 +199,7 @@ class Raw(ScriptTable):
 
 
 # --- Step of a script: a time, an operator, and one topic with its fields or one generator --------
-WHEN = ("at_s", "operator", "for_s")
-"""Keys of every step."""
+WHEN = ("at_s", "operator", "for_s")  # keys of every step
 
 GENERATORS = ("silence", "link", "master", "device", "target", "obstacle", "insertion", "raw")
 """Keys of steps that are no message."""
@@ -336,8 +329,7 @@ class Expected(NamedTuple):
 
     figure: str
     expected: str
-    found: Any
-    """Value of the figure; None: it was not measured."""
+    found: Any  # value of the figure; None: it was not measured
     met: bool
 
     def __str__(self) -> str:
@@ -347,35 +339,28 @@ class Expected(NamedTuple):
 class Expectations(ScriptTable):
     """What a run is to reach. Without a mode, it may end in any but FAULT."""
 
-    mode: Literal["ready", "enabled", "hold", "fault"] | None = None
-    """Mode at the end."""
-    events: tuple[str, ...] = ()
-    """Events that are to be told, by name, in any order."""
-    refused: Bounds = Bounds(most=0)
-    """Number of steps that the daemon refuses."""
+    mode: Literal["ready", "enabled", "hold", "fault"] | None = None  # mode at the end
+    events: tuple[str, ...] = ()  # events that are to be told, by name, in any order
+    refused: Bounds = Bounds(most=0)  # number of steps that the daemon refuses
     tool_error_m: Bounds | None = None
     tool_error_rad: Bounds | None = None
     """Of the tool from its target, the largest over the last half second."""
     posture_error_rad: Bounds | None = None
     """Of the farthest joint from the posture that was last asked for, at the end."""
     view_error_m: Bounds | None = None
-    view_error_rad: Bounds | None = None
-    """Of the Lens from the stored view, at the end."""
+    view_error_rad: Bounds | None = None  # of the Lens from the stored view, at the end
     contact_force_n: Bounds | None = None
     """Mean over the last second, as a sum of magnitudes over the solids that touch."""
-    contact_peak_n: Bounds | None = None
-    """The greatest such sum in any physics step."""
+    contact_peak_n: Bounds | None = None  # the greatest such sum in any physics step
     own_contact_n: Bounds | None = None
     """The same of what arms and payload press on themselves and each other."""
     min_clearance_m: Bounds | None = None
     min_between_arms_m: Bounds | None = None
     min_sight_m: Bounds | None = None
-    peg_depth_m: Bounds | None = None
-    """How deep each peg is at the end."""
+    peg_depth_m: Bounds | None = None  # how deep each peg is at the end
     internal_force_n: Bounds | None = None
     stretch_m: Bounds | None = None
-    push_n: Bounds | None = None
-    """Of a payload, and what the payload pushes with."""
+    push_n: Bounds | None = None  # of a payload, and what the payload pushes with
     insertion_m: Bounds | None = None
     deepest_m: Bounds | None = None
     """How far the tip of a backbone is in along the centre line: at the end, and at most."""
@@ -436,8 +421,7 @@ def _shown(found: Any) -> str:
 #
 # A step is a topic (`protocols/topics.py`) and the fields of its message. Times count from the
 # moment the arm is enabled. The same script drives a simulation and a running daemon.
-SAME_S = 1e-9
-"""Steps that are no further apart happen at once [s]."""
+SAME_S = 1e-9  # steps that are no further apart happen at once [s]
 
 
 class Script(ScriptTable):
@@ -445,11 +429,9 @@ class Script(ScriptTable):
 
     description: str = ""
     duration_s: float = Field(gt=0, le=3600)
-    auto_enable: bool = True
-    """The operator takes the lease and enables the arm before time starts."""
+    auto_enable: bool = True  # the operator takes the lease and enables the arm before time starts
     network: Network = Network()
-    expect: Expectations = Expectations()
-    """What the run is to reach."""
+    expect: Expectations = Expectations()  # what the run is to reach
     step: tuple[Step, ...] = ()
 
     @property

@@ -52,8 +52,7 @@ def base_figures(
 
 
 # --- Figures of a payload that several arms hold, by the physics' truth ---------------------------
-LAST_S = 1.0
-"""The mean internal force is that of so long before the end [s]."""
+LAST_S = 1.0  # the mean internal force is that of so long before the end [s]
 
 
 def beam_figures(truths: Sequence[RigTruth], period_s: float) -> dict[str, object]:
@@ -113,10 +112,8 @@ def posture_figures(cell: Cell, script: Script, truth: RigTruth) -> dict[str, ob
 # means is worked out anew when it is played, from the true poses. A target that the daemon
 # refused or gave up by itself is a target all the same. Targets of joint tasks, and what a
 # reflecting handle leads to, are not judged here.
-JUDGED_S = 0.5
-"""The tool's error is the largest over this long before the end [s]."""
-_ENDS_GOAL: Final = (t.POSTURE, t.JOG, t.CANCEL, t.INSERT)
-"""Commands that drop the target."""
+JUDGED_S = 0.5  # the tool's error is the largest over this long before the end [s]
+_ENDS_GOAL: Final = (t.POSTURE, t.JOG, t.CANCEL, t.INSERT)  # commands that drop the target
 
 
 class _Mount(NamedTuple):
@@ -311,8 +308,7 @@ class PegJudge:
 
 
 # --- Judge of an arm in tunnels: where its links truly are, and what they press on the walls ------
-STEP = 0.004
-"""Points of the centre line are at most so far apart [m]."""
+STEP = 0.004  # points of the centre line are at most so far apart [m]
 INSIDE = 2.0
 """Points farther from the centre line than this many half widths are not in the tunnel [1]."""
 
@@ -324,8 +320,7 @@ class TunnelJudge:
         backbone = cell.config.mechanism.backbone
         self._chain = None if backbone is None else Chain.from_cell(cell)
         self._line = None if backbone is None else _CentreLine(backbone)
-        self.centre_error = 0.0
-        """The farthest that a link was off the centre line inside [m]."""
+        self.centre_error = 0.0  # the farthest that a link was off the centre line inside [m]
         self.insertion = self.deepest = 0.0
         """How far in along the centre line the tip is, and has been [m]."""
         self.wall_force = 0.0
@@ -435,7 +430,6 @@ class ViewJudge:
         )
 
     def on_event(self, event: Event, truth: RigTruth) -> None:
-        """Take in an event, with the truth at its time."""
         if event.name == "view_stored":
             self._camera = event.detail or self._camera
             self._stored = self.view(truth)

@@ -14,23 +14,18 @@ from ...protocols.canopen.cia402 import Unwrapped
 KINDS = ("velocity", "acceleration", "jerk")
 """What first, second and third differences of positions are judged as."""
 
-STEPS = (1.0, 2.0, 4.0)
-"""Encoder steps of tolerance on first, second and third differences [1]."""
+STEPS = (1.0, 2.0, 4.0)  # encoder steps of tolerance on first, second and third differences [1]
 
-RELATIVE = 1e-6
-"""Relative tolerance on every bound, for rounding [1]."""
+RELATIVE = 1e-6  # relative tolerance on every bound, for rounding [1]
 
-GATE = 1e-3
-"""Relative tolerance of the torque's rate: the gate's own [1]."""
+GATE = 1e-3  # relative tolerance of the torque's rate: the gate's own [1]
 
 TRACKING = 0.05
 """A joint that catches up with its command may be faster than its bound by this part [1]."""
 
-SAG = 0.005
-"""A joint that is enabled at its limit, or outside, may sag by so much [rad]."""
+SAG = 0.005  # a joint that is enabled at its limit, or outside, may sag by so much [rad]
 
-LEAP = 0.001
-"""The first setpoint after enabling may be so far from where the joint stood [rad]."""
+LEAP = 0.001  # the first setpoint after enabling may be so far from where the joint stood [rad]
 
 _SYNC = 0x080
 _RPDO1 = 0x200
@@ -44,30 +39,24 @@ class _Joint:
     """Bounds of one joint, and the setpoints that were in force at the last SYNCs."""
 
     name: str
-    mode: str
-    """Operation mode: csp, csv or cst."""
+    mode: str  # operation mode: csp, csv or cst
     scale: float
     zero: float
     lower: float
     upper: float
     bounds: tuple[float, float, float]
     step: float
-    torque_bounds: tuple[float, float]
-    """Torque [N·m] and its rate [N·m/s]."""
-    torque_step: float
-    """One step of 6071h, signed [N·m]."""
-    fastest: float
-    """Greatest speed that may be sent in CSV [rad/s]."""
+    torque_bounds: tuple[float, float]  # torque [N·m] and its rate [N·m/s]
+    torque_step: float  # one step of 6071h, signed [N·m]
+    fastest: float  # greatest speed that may be sent in CSV [rad/s]
     low: float
     """Least angle that counts as inside [rad]: the limit, or how far outside the joint still is."""
     high: float
-    turns: Unwrapped | None = None
-    """Counts of a wheel, which wrap."""
+    turns: Unwrapped | None = None  # counts of a wheel, which wrap
     stood: float | None = None
     """Where the joint stood when its drive was last off [rad]; None once it was sent a position."""
     measured: float | None = None
-    before: float | None = None
-    """Setpoint at the SYNC before the last [rad]."""
+    before: float | None = None  # setpoint at the SYNC before the last [rad]
     pending: float | None = None
     enabled: bool = False
     sent: list[float] = field(default_factory=list)
@@ -112,8 +101,7 @@ class Observer:
         self._period = cell.config.timing.period_s
         self._powers = tuple(self._period**order for order in (1, 2, 3))
         buses = [bus.name for bus in cell.config.fieldbuses]
-        self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]
-        """Joints by node, of each bus."""
+        self._on_bus: list[dict[int, _Joint]] = [{} for _ in buses]  # joints by node, of each bus
         for entry in cell.devices:
             if isinstance(entry.section, DriveSection):
                 made = _joint(entry, cell.parts[entry.part or 0])

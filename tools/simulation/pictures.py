@@ -61,5 +61,4 @@ class SimulatedCameras:
             eye.underway.append((now_s + eye.camera.latency_s, encode(sighting)))
 
     def close(self) -> None:
-        """Let go of the renderer."""
         self._pictures.close()

@@ -24,14 +24,11 @@ from ..recording.recorder import Recorder
 #
 # In virtual time a SYNC's number is the tick that it begins. Between processes it is not: there
 # the rig listens to the telemetry, and learns how far the two numbers are apart.
-PutNews = Callable[[FrameNews], None]
-"""Takes what a sensor says, when that has arrived."""
+PutNews = Callable[[FrameNews], None]  # takes what a sensor says, when that has arrived
 
-HEARD = 25
-"""Newest ticks that are held against the SYNCs beside which they were heard [1]."""
+HEARD = 25  # newest ticks that are held against the SYNCs beside which they were heard [1]
 
-GAP_S = 0.1
-"""After a silence of the bus for this long, another daemon may be at work [s]."""
+GAP_S = 0.1  # after a silence of the bus for this long, another daemon may be at work [s]
 
 
 class SimulatedFrameSensors:
@@ -144,8 +141,7 @@ class FrameSensors:
 # told a little later.
 Put = Callable[[Topic, bytes], None]
 
-LATE_S: Final = 0.03
-"""From the telemetry that lets place a scan to the arrival of its news [s]."""
+LATE_S: Final = 0.03  # from the telemetry that lets place a scan to the arrival of its news [s]
 
 
 class SimulatedScans:
@@ -158,8 +154,7 @@ class SimulatedScans:
         """
         self._rig, self._put, self._recorder = rig, put, recorder
         self.scanning = Scanning(cell)
-        self.newest: Looked | None = None
-        """The newest scan with its contour."""
+        self.newest: Looked | None = None  # the newest scan with its contour
         self.on_look: Callable[[Looked], None] = _ignore
         """Called with every scan that was looked at."""
         self._clocks, self._frames = Clocks(), TelegramCutter()
@@ -168,7 +163,6 @@ class SimulatedScans:
             rig.scanner.on_telegram.append(self._on_telegram)
 
     def on_state(self, state: State) -> None:
-        """Hear telemetry, and look at what it lets place."""
         now_s = self._rig.time_s
         self._clocks.hear_daemon(now_s, state.time_s)
         for looked in self.scanning.hear(instant_of(state)):

@@ -46,8 +46,7 @@ from .observer import Observer
 from .sensors import SimulatedFrameSensors, SimulatedScans
 
 # --- Result of a simulation, and the figures of its JSON ------------------------------------------
-CONTACT_S = 1.0
-"""The contact force is the mean over this long before the end [s]."""
+CONTACT_S = 1.0  # the contact force is the mean over this long before the end [s]
 
 
 @dataclass(frozen=True)
@@ -56,10 +55,8 @@ class Result:
 
     summary: dict[str, object]
     states: tuple[State, ...]
-    truths: tuple[RigTruth, ...]
-    """The physics' truth after every tick."""
-    expected: tuple[Expected, ...] = ()
-    """What the script was to reach, beside what was found."""
+    truths: tuple[RigTruth, ...]  # the physics' truth after every tick
+    expected: tuple[Expected, ...] = ()  # what the script was to reach, beside what was found
 
     @property
     def ok(self) -> bool:
@@ -119,11 +116,9 @@ def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
 
 
 # --- The CAN buses of a simulated cell: one in-process hub for each, in virtual time --------------
-PUMP_STEPS = 500
-"""A device that is silent for this many physics steps does not answer [1]."""
+PUMP_STEPS = 500  # a device that is silent for this many physics steps does not answer [1]
 
-Heard = Callable[[int, CanMessage], None]
-"""Called with the index of the bus and every frame on it."""
+Heard = Callable[[int, CanMessage], None]  # called with the index of the bus and every frame on it
 
 
 class VirtualBuses:
@@ -165,7 +160,6 @@ class VirtualBuses:
             hub.time_s = time_s
 
     def close(self) -> None:
-        """Let every member leave."""
         for hub in self.hubs:
             hub.close()
 
@@ -224,7 +218,6 @@ class MemoryLink:
         return bool(self._listeners) and topic is not TICK
 
     def close(self) -> None:
-        """Forget everybody."""
         self._listeners.clear()
 
     def _ring(self, topic: Topic) -> deque[RawMessage]:
@@ -243,8 +236,7 @@ def seeded_keys(owner: str) -> Callable[[], bytes]:
 # The same CAN frames go over an in-process bus, and the script's operator goes through the same
 # codec, lease and mailboxes as a real one; only the network and the wall clock are missing, and
 # telemetry is handed over as the message that it is.
-ENABLE_WITHIN_S = 10.0
-"""A script whose arm is not enabled by then has failed [s]."""
+ENABLE_WITHIN_S = 10.0  # a script whose arm is not enabled by then has failed [s]
 
 
 class Cameras(Protocol):
@@ -338,7 +330,6 @@ class Simulation:
             self.close()
 
     def close(self) -> None:
-        """End the run, and finish what is recorded."""
         self.cycle.close()
         self.buses.close()
         for each in (self._cameras, self._recorder):

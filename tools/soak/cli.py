@@ -28,14 +28,11 @@ from .segments import script
 # The tag's true pose in the Lens, with noise, at each camera's rate and latency. A tag that is
 # covered, out of the picture or turned away is not seen. Some sightings come far too late, some
 # leap to where no tag is, as a misread picture's would.
-NOISE = (5e-4, 3e-3)
-"""Standard deviation of a seen pose [m], [rad]."""
-LATE, LATE_S = 0.05, 0.6
-"""Part of the sightings that come late [1], by at most this [s]."""
+NOISE = (5e-4, 3e-3)  # standard deviation of a seen pose [m], [rad]
+LATE, LATE_S = 0.05, 0.6  # part of the sightings that come late [1], by at most this [s]
 LEAPING, LEAP = 0.03, 0.2
 """Part of the sightings that leap [1], by at most this along each axis [m]."""
-FACING = 0.3
-"""A tag is seen up to where its face is this much turned to the Lens: the cosine [1]."""
+FACING = 0.3  # a tag is seen up to where its face is this much turned to the Lens: the cosine [1]
 
 
 @dataclass
@@ -109,10 +106,8 @@ def _shown(camera: CameraSection, seen: Pose) -> bool:
 # A joint that meets something nobody told of, faster than the leash can stop it, falls behind
 # its command: a quick stop by the table of stops. Any other cause of a fault, and any fault
 # that no touch goes before, has another reason, whatever was touched earlier in the run.
-FELT_N: Final = 5.0
-"""Contact force from which a touch can hold a joint up [N]."""
-SINCE_S: Final = 0.5
-"""A fault so long after a touch is explained by it [s]."""
+FELT_N: Final = 5.0  # contact force from which a touch can hold a joint up [N]
+SINCE_S: Final = 0.5  # a fault so long after a touch is explained by it [s]
 EXCUSED: Final = ("following_error",)
 """Causes of faults that a touch explains: the command and a joint come apart."""
 
@@ -121,8 +116,7 @@ class Touches:
     """Watches a simulation that is yet to run; takes its `on_physics`."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self.most_n = 0.0
-        """Greatest force on what stands around, or between parts of arms [N]."""
+        self.most_n = 0.0  # greatest force on what stands around, or between parts of arms [N]
         self._simulation = simulation
         self._times: list[float] = []
         simulation.on_physics = self._look
@@ -166,10 +160,8 @@ class Soaked:
 
     seed: int
     ticks: int
-    reasons: list[str]
-    """Broken promises."""
-    most_n: float
-    """Greatest force on what stands around, or between parts of the arm [N]."""
+    reasons: list[str]  # broken promises
+    most_n: float  # greatest force on what stands around, or between parts of the arm [N]
     command_hash: str
 
 

@@ -17,8 +17,7 @@ from ..scripts.script import Step
 # --- Steps of a campaign's scripts, and the draw that decides them --------------------------------
 Draw = np.random.Generator
 
-Act = dict[str, Any]
-"""One topic with its fields, or one generator, as in a script's file."""
+Act = dict[str, Any]  # one topic with its fields, or one generator, as in a script's file
 
 
 def step(at_s: float, act: Mapping[str, Any]) -> Step:
@@ -34,16 +33,12 @@ def step(at_s: float, act: Mapping[str, Any]) -> Step:
 Pair = tuple[dict[str, Any], dict[str, Any]]
 """An act and its sequel a moment later; each may be empty."""
 
-NOISE = (2e-5, 2e-5)
-"""Standard deviation of each axis of a told pose [m], [rad]."""
+NOISE = (2e-5, 2e-5)  # standard deviation of each axis of a told pose [m], [rad]
 SWAY, TURN = 0.05, 0.05
 """Greatest amplitude of the platform's sway along and about each axis [m], [rad]."""
-PERIODS_S = (2.0, 6.0)
-"""Range of the sway's period [s]."""
-SPEED = 0.2
-"""Greatest speed of the conveyor along each axis [m/s]."""
-DOUBLED = 3
-"""Frequency of these disturbances, relative to each of the others [1]."""
+PERIODS_S = (2.0, 6.0)  # range of the sway's period [s]
+SPEED = 0.2  # greatest speed of the conveyor along each axis [m/s]
+DOUBLED = 3  # frequency of these disturbances, relative to each of the others [1]
 
 
 def with_moving(draw: Draw, cell: Cell) -> Cell:
@@ -148,8 +143,7 @@ def opening(cell: Cell) -> list[Step]:
     ]
 
 
-OPENING_S = 2.6
-"""The opening of a cell with cameras takes this long [s]."""
+OPENING_S = 2.6  # the opening of a cell with cameras takes this long [s]
 
 
 def equipment_disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:

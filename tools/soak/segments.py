@@ -22,10 +22,8 @@ from .equipment import ground_order as ground_order
 # Directions are drawn so that sticks turn back on themselves within a second or so: asked rates
 # are far beyond every bound, but the arm is not led far into itself or its surroundings.
 FRAMES = tuple(Frame)
-SPEEDS = (0.4, 2.5)
-"""Range of asked tool speeds [m/s]."""
-ANGULAR_SPEEDS = (1.0, 8.0)
-"""Range of asked tool rates [rad/s]."""
+SPEEDS = (0.4, 2.5)  # range of asked tool speeds [m/s]
+ANGULAR_SPEEDS = (1.0, 8.0)  # range of asked tool rates [rad/s]
 
 
 def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
@@ -305,12 +303,10 @@ def schedules(draw: Draw) -> tuple[ScheduleSection, ...]:
 
 
 # --- What hostile operators do to a cell, seed by seed, and how order is restored after them ------
-RESTORE_S = 1.3
-"""Restoring lease, mode, gains and frames takes this long [s]."""
+RESTORE_S = 1.3  # restoring lease, mode, gains and frames takes this long [s]
 SLOWED = 0.4
 """Part of the segments that begin with a reduced speed, until the next one that does [1]."""
-HOSTILE_S = (7.0, 8.6)
-"""Length of the hostile part [s]."""
+HOSTILE_S = (7.0, 8.6)  # length of the hostile part [s]
 
 
 def script(cell: Cell, seed: int) -> Script:

@@ -22,8 +22,7 @@ from ..findings import Finding, Severity
 #
 # The daemon's drivers use canopen's client, which also knows names; this one is for looking at
 # nodes that nobody has described yet, and at how they refuse.
-REPLY_S: Final = 0.5
-"""Time after which a request counts as unanswered [s]."""
+REPLY_S: Final = 0.5  # time after which a request counts as unanswered [s]
 _HEAD: Final = struct.Struct("<BHB")
 _UPLOAD, _SEGMENT_UPLOAD, _ABORTED = 0x40, 0x60, 0x80
 _BLOCK_REQUEST, _BLOCK_REPLY = 0xA0, 0xC0
@@ -44,7 +43,6 @@ class SdoSilenceError(DeviceError):
 
 
 def named(code: int) -> str:
-    """Return an abort code with its name."""
     name = Abort(code).name.lower().replace("_", " ") if code in list(Abort) else "unknown"
     return f"{code >> 16:04X} {code & 0xFFFF:04X}h ({name})"
 
@@ -141,13 +139,10 @@ class SdoClient:
 
 
 # --- Nodes on a CAN bus, and what they hold: SDO uploads only; nothing changes, nothing moves -----
-QUIET_S: Final = 0.5
-"""A control server is heard within so long [s]."""
+QUIET_S: Final = 0.5  # a control server is heard within so long [s]
 NODES: Final = range(1, 127)
-PACE_S: Final = 0.005
-"""Between the questions to two nodes: no transmit queue overflows [s]."""
-LATE_S: Final = 0.5
-"""Time that the slowest answer to the last question may take [s]."""
+PACE_S: Final = 0.005  # between the questions to two nodes: no transmit queue overflows [s]
+LATE_S: Final = 0.5  # time that the slowest answer to the last question may take [s]
 _NAME: Final = 0x1008
 
 Key = tuple[int, int]
@@ -227,10 +222,8 @@ def _pass(fieldbus: Fieldbus, seconds: float) -> None:
 
 
 # --- Compare what one drive holds with the cell's table of it, in the joint's units ---------------
-LIMIT: Final = 1e-3
-"""607Dh and the cell's limits are the same within this [rad]."""
-TORQUE: Final = 0.01
-"""6076h and `rated_torque` are the same within this part [1]."""
+LIMIT: Final = 1e-3  # 607Dh and the cell's limits are the same within this [rad]
+TORQUE: Final = 0.01  # 6076h and `rated_torque` are the same within this part [1]
 _UNBOUNDED: Final = SPAN - 2
 _OFF: Final = (
     DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON,

@@ -51,8 +51,7 @@ _CONTROLWORD: Final = can301.mapping_entry(Object.CONTROLWORD, 0, 16)
 _POSITION: Final = can301.mapping_entry(Object.POSITION_ACTUAL, 0, 32)
 _DEVICE_TYPE: Final = can301.mapping_entry(Com.DEVICE_TYPE, 0, 32)
 _NAME: Final = 0x1008
-_NOWHERE: Final = 0xE123
-"""An index of the range that the standard reserves."""
+_NOWHERE: Final = 0xE123  # an index of the range that the standard reserves
 _DRIVE_PROFILE: Final = 402
 _BEAT_MS: Final = 50
 _RESERVED_TYPE: Final = 245
@@ -250,14 +249,11 @@ COMMUNICATION: Final = (
 NO_MODE: Final = 99
 NO_OPTION: Final = 99
 _MODE: Final = can301.mapping_entry(Object.MODE_OF_OPERATION, 0, 8)
-_SHOWN_S: Final = 0.2
-"""A drive shows a new mode within so long [s]."""
-_AT_REST: Final = 1e-4
-"""A joint that stands moves by less than this part of the greatest count [1]."""
+_SHOWN_S: Final = 0.2  # a drive shows a new mode within so long [s]
+_AT_REST: Final = 1e-4  # a joint that stands moves by less than this part of the greatest count [1]
 
 
 def modes(drive: TriedDrive) -> list[OperationMode]:
-    """Return the cyclic modes that the drive has."""
     supported = drive.get(Object.SUPPORTED_MODES, 0, U32)
     return [mode for mode in OperationMode if cia402.supports_mode(supported, mode)]
 
@@ -407,8 +403,7 @@ POWER_OFF: Final = (
 #
 # Setpoints are the drive's own position, at every SYNC.
 PERIOD_S: Final = 0.01
-ENABLE_S: Final = 3.0
-"""A brake opens within so long [s]."""
+ENABLE_S: Final = 3.0  # a brake opens within so long [s]
 _HELD_S: Final = 0.3
 _OFF: Final = DriveState.SWITCH_ON_DISABLED
 _ON, _ENABLED = DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED
@@ -534,8 +529,7 @@ POWER_ON: Final = (
 # The drive stands, with its power off; nothing is asked to move. Rules that need power are
 # tried only when the caller says so. After each rule the drive gets everything back that was
 # written.
-QUIET_S: Final = 0.5
-"""A control server is heard within so long [s]."""
+QUIET_S: Final = 0.5  # a control server is heard within so long [s]
 _POWER_IS_OFF: Final = (
     DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON,
 )  # fmt: skip

@@ -15,8 +15,7 @@ from ....protocols.canopen.cia402 import DriveState, Object
 from .on_bus import SdoAbortError, SdoClient, named
 
 # --- A drive that a rule is tried on: SDO, PDOs, NMT, and everything put back after each rule -----
-BOOT_S: Final = 5.0
-"""A drive has restarted its communication within so long [s]."""
+BOOT_S: Final = 5.0  # a drive has restarted its communication within so long [s]
 U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
 
 
@@ -34,10 +33,8 @@ class TriedDrive:
     def __init__(self, fieldbus: Fieldbus, node: int) -> None:
         self.bus, self.node = fieldbus, node
         self.sdo = SdoClient(fieldbus, node)
-        self.beats: list[int] = []
-        """NMT states of its heartbeats since they were last cleared."""
-        self.pdos: list[bytes] = []
-        """TPDO1 since they were last cleared."""
+        self.beats: list[int] = []  # NMT states of its heartbeats since they were last cleared
+        self.pdos: list[bytes] = []  # TPDO1 since they were last cleared
         self._written: dict[tuple[int, int], bytes] = {}
         self._disturbed = False
         fieldbus.listen(can301.heartbeat_id(node), self._on_beat)
@@ -127,11 +124,9 @@ class TriedDrive:
         self.put(first, 1, U32, can_id)
 
     def send_pdo(self, data: bytes) -> None:
-        """Send RPDO1."""
         self.bus.send(can301.rpdo1_id(self.node), data)
 
     def sync(self) -> None:
-        """Send SYNC."""
         self.bus.send(can301.SYNC_ID, b"")
 
     def restart(self) -> None:
@@ -161,8 +156,7 @@ class RuleOutcome(StrEnum):
 
     KEPT = "kept"
     BROKEN = "broken"
-    ABSENT = "absent"
-    """It is about something optional that the drive does not have."""
+    ABSENT = "absent"  # it is about something optional that the drive does not have
 
 
 @dataclass(frozen=True)
@@ -171,8 +165,7 @@ class Rule:
 
     clause: str
     promise: str
-    judge: Callable[[TriedDrive], None]
-    """Raises `BrokenError` or `AbsentError`."""
+    judge: Callable[[TriedDrive], None]  # raises `BrokenError` or `AbsentError`
 
 
 class RuleVerdict(NamedTuple):

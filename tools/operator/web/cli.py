@@ -35,8 +35,7 @@ KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 """Environment variable with the operators' and the observers' secret, for a console that is started
 again: whoever had come in stays in."""
 
-KEEP_S: Final = 30.0
-"""A connection on which nothing is asked for is kept so long [s]."""
+KEEP_S: Final = 30.0  # a connection on which nothing is asked for is kept so long [s]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -146,8 +145,7 @@ def _address(listen: Listen, port: int, secure: bool) -> str:
 
 
 # --- The page of a demo: its address, or in words why there is none -------------------------------
-PORT = 8080
-"""The page's port, if it is free."""
+PORT = 8080  # the page's port, if it is free
 
 
 def start_page(plant: LocalPlant, claims: Claims) -> list[str]:

@@ -60,8 +60,7 @@ RATE: Final = 400.0
 BURST: Final = 400.0
 """Messages a second that a page may say, and at once; one that holds something says 100 [1]."""
 
-WAITING: Final = 256
-"""Messages that wait for a page that reads slowly, beside the newest state [1]."""
+WAITING: Final = 256  # messages that wait for a page that reads slowly, beside the newest state [1]
 
 TOPICS: Final = {topic.key: topic for topic in (*t.COMMANDS, *t.REQUESTS)}
 _ANYBODYS: Final = (t.PROTECTIVE_STOP, t.PROTECTIVE_CLEAR)
@@ -92,8 +91,7 @@ class Page:
         """Cameras that are looked at large, as long as the page is alive."""
         self._cameras, self._daemon = cameras, daemon
         self.wake = asyncio.Event()
-        self.dismissed = ""
-        """Why the page is let go of; empty while it is not."""
+        self.dismissed = ""  # why the page is let go of; empty while it is not
         self._send_on = put
         self._beat_s = clock()
         self._allowed, self._counted_s = BURST, clock()
@@ -266,7 +264,6 @@ class Page:
     # --- what the page is told ---------------------------------------------------------------
 
     def tell(self, message: Mapping[str, Any]) -> None:
-        """Queue a message for the page."""
         self.tell_text(json.dumps(message))
 
     def tell_text(self, text: str) -> None:
@@ -308,26 +305,20 @@ class Page:
 #
 # Each page is an operator of its own to the daemon, with its own lease, seals and name.
 POLL_S: Final = 0.002
-STATE_S: Final = 1 / 60
-"""Pages are told the state this often [s]."""
+STATE_S: Final = 1 / 60  # pages are told the state this often [s]
 
-SILENT_S: Final = 0.3
-"""Telemetry older than this is missing: the pages are told [s]."""
+SILENT_S: Final = 0.3  # telemetry older than this is missing: the pages are told [s]
 
 RETRY_S: Final = 1.0
-KEPT_EVENTS: Final = 50
-"""Events that a page is told which comes later [1]."""
+KEPT_EVENTS: Final = 50  # events that a page is told which comes later [1]
 
 
 class DaemonLink(NamedTuple):
     """How the daemon is reached, and by whom."""
 
-    daemon: str
-    """"alive", or "silent"."""
-    pages: int
-    """Pages that are open [1]."""
-    holders: list[str]
-    """Names of the pages that hold a lease."""
+    daemon: str  # "alive", or "silent"
+    pages: int  # pages that are open [1]
+    holders: list[str]  # names of the pages that hold a lease
     description: Description | None
 
 

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 
 # --- Poses as the page has them: `[x, y, z, qx, qy, qz, qw]`, translation and unit quaternion -----
-Seven = list[float]
-"""x, y, z [m] and the unit quaternion qx, qy, qz, qw of one frame in another."""
+Seven = list[float]  # x, y, z [m] and the unit quaternion qx, qy, qz, qw of one frame in another
 
 IDENTITY: Seven = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
@@ -71,12 +70,10 @@ def along(normal: Sequence[float]) -> list[float]:
 
 
 # --- Meshes of a cell as a page loads them: one format, bounded, each asked for by number ---------
-PREFIX: Final = "/meshes/"
-"""Addresses of meshes begin so."""
+PREFIX: Final = "/meshes/"  # addresses of meshes begin so
 TRIANGLES: Final = 100_000
 """All meshes of a cell together are coarsened to so many: 1.8 MB, and a picture in time [1]."""
-FEWEST: Final = 200
-"""A part is not coarsened below this [1]."""
+FEWEST: Final = 200  # a part is not coarsened below this [1]
 
 Colour = tuple[float, ...]
 
@@ -85,8 +82,7 @@ class Missing(NamedTuple):
     """A mesh that cannot be drawn."""
 
     link: str
-    mesh: str
-    """Its name in the URDF."""
+    mesh: str  # its name in the URDF
     why: str
 
 
@@ -98,9 +94,7 @@ class Meshes:
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
-        self.missing: list[Missing] = []
-        """Those that cannot be drawn, and why."""
+        self.missing: list[Missing] = []  # those that cannot be drawn, and why
         self._parts: dict[Path, list[trimesh.Trimesh]] = {}
         self._unreadable: dict[Path, str] = {}
 
@@ -342,8 +336,7 @@ def _end(joint: ET.Element, which: str) -> str:
 
 
 # --- Tunnels of a cell's snakes: frames along the centre line of what has walls -------------------
-STEP = 0.0075
-"""Frames are at most so far apart [m]."""
+STEP = 0.0075  # frames are at most so far apart [m]
 
 
 def described_tunnels(cell: Cell) -> list[dict[str, Any]]:
@@ -485,17 +478,14 @@ def _beam(beam: RigBeamSection) -> dict[str, Any]:
 
 
 # --- Description of a cell for the page: all that does not change while it runs, as JSON ----------
-BOUNDLESS: Final = 1e6
-"""Joints that may turn this far turn for ever [rad]."""
+BOUNDLESS: Final = 1e6  # joints that may turn this far turn for ever [rad]
 
 
 class Scene(NamedTuple):
     """All that a page needs to draw a cell."""
 
-    description: dict[str, Any]
-    """What `describe` returns."""
-    files: dict[str, bytes]
-    """Meshes as binary glTF, by the addresses that the description has."""
+    description: dict[str, Any]  # what `describe` returns
+    files: dict[str, bytes]  # meshes as binary glTF, by the addresses that the description has
 
 
 def scene_of(cell: Cell) -> Scene:

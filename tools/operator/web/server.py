@@ -32,8 +32,7 @@ from .scene import Scene, scene_of
 # observers' may watch (and stop the arm). One stands in the address of the first visit; from
 # then on a cookie made from it does. Beyond this machine there is HTTPS, and a browser that
 # shows a certificate of `[zenoh.security]` has the role that the certificate grants.
-_RANK: Final = (Role.OPERATOR, Role.OBSERVER)
-"""Roles of a page, the one that may do more first."""
+_RANK: Final = (Role.OPERATOR, Role.OBSERVER)  # roles of a page, the one that may do more first
 
 
 @dataclass(frozen=True)
@@ -73,13 +72,10 @@ class Listen:
         return frozenset(f"{host}:{port}" for host in (shown, "localhost", "127.0.0.1", "[::1]"))
 
 
-SHORTEST: Final = 16
-"""A secret of fewer characters is refused: it could be guessed [1]."""
+SHORTEST: Final = 16  # a secret of fewer characters is refused: it could be guessed [1]
 
-DEADLINE_S: Final = 10.0
-"""A connection, or a form, that is not whole by then is given up [s]."""
-MOST: Final = 64
-"""Connections from one address, or one network of IPv6 (/64), at a time [1]."""
+DEADLINE_S: Final = 10.0  # a connection, or a form, that is not whole by then is given up [s]
+MOST: Final = 64  # connections from one address, or one network of IPv6 (/64), at a time [1]
 
 
 class Doorkeeper:
@@ -263,10 +259,8 @@ def _gain_units() -> dict[str, str]:
 # --- The console's HTTP: one page, its modules, one WebSocket for each; safe headers on everything
 STATIC: Final = Path(__file__).resolve().parent / "static"
 ROLE: Final = web.RequestKey("role", Role)
-LARGEST: Final = 65536
-"""Longest message that is read from a page [B]."""
-SWEEP_S: Final = 0.5
-"""Connections are looked through every [s]."""
+LARGEST: Final = 65536  # longest message that is read from a page [B]
+SWEEP_S: Final = 0.5  # connections are looked through every [s]
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -289,12 +283,10 @@ class SceneServer:
         self._drawn: asyncio.Future[Scene] | None = None
         self._recorded = drawn
         self._scheme = "https" if secure else "http"
-        self.port = listen.port
-        """The port that is listened on, once it is."""
+        self.port = listen.port  # the port that is listened on, once it is
         self.door = Doorkeeper()
 
     def application(self) -> web.Application:
-        """Return the application."""
 
         @web.middleware
         async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -23,15 +23,13 @@ from ...client.protocol_client import Buffer, MessageCarrier
 from ..words import passage_words
 
 # --- Surroundings that a page is shown: obstacles, contour, scans and pictures, as sensors tell ---
-TRUTH_S: Final = 1 / 20
-"""Pages are told the rig's truth at most this often [s]."""
+TRUTH_S: Final = 1 / 20  # pages are told the rig's truth at most this often [s]
 
 
 class Told(NamedTuple):
     """A message for all pages, as JSON."""
 
-    kind: str
-    """Newer messages of a kind make older ones needless; empty: each one counts."""
+    kind: str  # newer messages of a kind make older ones needless; empty: each one counts
     text: str
 
 
@@ -96,7 +94,6 @@ def told_contour(news: ContourNews) -> Told:
 
 
 def told_picture(picture: CameraPicture) -> Told:
-    """Return a picture as a page is told it."""
     told = {"camera": picture.camera, "tick": picture.tick}
     jpeg = base64.b64encode(picture.jpeg).decode()
     text = json.dumps({"type": "picture", "picture": {**told, "jpeg": jpeg}})
@@ -131,8 +128,7 @@ _HEAD: Final = "<BBHII"
 """Head of a frame for a page: key frame, length of the camera's name, 0, number, tick; the name
 and the access unit follow."""
 
-_DRIFT: Final = 2e-4
-"""Clocks of two machines drift apart by less than this [s/s]."""
+_DRIFT: Final = 2e-4  # clocks of two machines drift apart by less than this [s/s]
 
 _JUMP_S: Final = 1.0
 """Telemetry that is later by more is that of another start, or comes another way [s]."""
@@ -142,10 +138,8 @@ class VideoFrame(NamedTuple):
     """One frame of a camera's video."""
 
     number: int
-    key: bool
-    """Needs no frame before it."""
-    message: bytes
-    """As a page is told it."""
+    key: bool  # needs no frame before it
+    message: bytes  # as a page is told it
 
 
 class DaemonClock:
@@ -161,7 +155,6 @@ class DaemonClock:
         self._ahead_s = self._heard_s = float("-inf")
 
     def on_state(self, state: State, now_s: float) -> None:
-        """Take in a state that has just come."""
         sample = now_s - state.time_s
         known = (
             self._ahead_s + _DRIFT * (now_s - self._heard_s) if self.zero_s is not None else sample
@@ -239,11 +232,9 @@ class Watch:
     """One camera that a page looks at large, and what the page has received of its video."""
 
     def __init__(self) -> None:
-        self.begun = False
-        """True once it was given what there is since the last key frame."""
+        self.begun = False  # True once it was given what there is since the last key frame
         self.waiting: deque[VideoFrame] = deque()
-        self.sent_s = float("-inf")
-        """When a frame was sent last [s]."""
+        self.sent_s = float("-inf")  # when a frame was sent last [s]
         self._unseen: deque[tuple[int, float]] = deque()
         self._lost = True
 

@@ -17,7 +17,6 @@ TUNNEL, CONTOUR = "tunnel", "contour"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command's arguments."""
     parser.add_argument(
         "runs",
         metavar="RUN.mcap",

@@ -56,7 +56,6 @@ class RecordedRun:
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
         return self.cell.joints
 
     @cached_property
@@ -89,7 +88,6 @@ class RecordedRun:
         return float(self.true_time[int(np.argmin(np.min(distances, axis=0)))])
 
     def truth_at(self, time_s: float) -> dict[str, Any]:
-        """Return the truth nearest to a time."""
         return self.truths[int(np.argmin(np.abs(self.true_time - time_s)))]
 
     def sight_lines(self, truth: dict[str, Any]) -> list[tuple[Array, Array]]:
@@ -136,8 +134,7 @@ def load_recording(path: Path, cell: str | None = None) -> RecordedRun:
 
 
 # --- A payload that several arms hold: its outline with grasp forces, and what presses it ---------
-METRES_PER_N = 0.005
-"""Length of an arrow [m/N]."""
+METRES_PER_N = 0.005  # length of an arrow [m/N]
 
 
 def draw_payload(run: RecordedRun, truth: dict[str, Any], ax: Axes3D) -> None:
@@ -180,8 +177,7 @@ def internal_force(run: RecordedRun, ax: Axes) -> bool:
 
 
 # --- Panels of a run over time, as in the papers --------------------------------------------------
-NAMED_LINKS = 4
-"""Number of closest links drawn in colour and named [1]."""
+NAMED_LINKS = 4  # number of closest links drawn in colour and named [1]
 
 
 def distances(run: RecordedRun, ax: Axes) -> bool:
@@ -321,10 +317,8 @@ def _named(ax: Axes, what: str, drawn: bool, legend: bool = True) -> bool:
 
 
 # --- Line drawings of the arm and its obstacles, at moments of a run ------------------------------
-FROM = (22.0, -50.0)
-"""Elevation and azimuth that the scene is looked at from [°]."""
-POINTS_PER_M = 260.0
-"""Line width of a link, by its diameter [pt/m]."""
+FROM = (22.0, -50.0)  # elevation and azimuth that the scene is looked at from [°]
+POINTS_PER_M = 260.0  # line width of a link, by its diameter [pt/m]
 
 
 def draw(run: RecordedRun, truth: dict[str, Any], ax: Axes3D, width: float = 1.0) -> None:

@@ -31,8 +31,7 @@ from .figure import Array, RecordedRun
 # --- Shapes of links and the capsules around them, measured and drawn: `telerobot check --picture`
 WIDTH_IN: Final = 11.0
 ROW_IN: Final = 2.3
-IN_A_ROW: Final = 2
-"""Links, each with two views."""
+IN_A_ROW: Final = 2  # links, each with two views
 _DRAWN: Final = 4000
 """Triangles that are drawn of a shape, the greatest; of the others, corners [1]."""
 _LOOKED_AT: Final = 3000
@@ -44,15 +43,13 @@ class LinkCover(NamedTuple):
     """A link's shape and its capsules, in its frame."""
 
     link: str
-    triangles: Array
-    """(t, 3, 3) [m]."""
+    triangles: Array  # (t, 3, 3) [m]
     tubes: tuple[Tube, ...]
     ratio: float
     """Volume of the capsules' union by that of the shape's convex hull [1]; inf if it is flat."""
     outside: float
     """Distance by which the shape stands out of its capsules, 0 for one that they hold [m]."""
-    at_ready: Array
-    """Rotation and place (3, 4) of the link at `ready`, in World."""
+    at_ready: Array  # rotation and place (3, 4) of the link at `ready`, in World
 
     def text(self) -> str:
         """Return a line that states how tight the capsules are, and whether they hold the shape."""
@@ -174,13 +171,11 @@ def _outline(a: Array, b: Array, radius: float) -> Array:
 # Figures 9 and 11 (points of the scans, contour with F1 to F3 and the target cell) at one
 # moment, and 13 to 15 (tool and elbow) over the whole run.
 BRIDGE_SIZE_IN: Final = (11.0, 7.4)
-COLLECT_S: Final = 4.0
-"""Scans that are drawn are no older than this: two sweeps [s]."""
+COLLECT_S: Final = 4.0  # scans that are drawn are no older than this: two sweeps [s]
 PIECES: Final = (("F1", "tab:orange"), ("F2", "tab:green"), ("F3", "tab:purple"))
 POINTS_PER_M: Final = 75.0
 """Scale of the view from the side: links are drawn nearly as thick as they are [pt/m]."""
-BEHIND: Final = 0.6
-"""So much of the way behind the arm's foot is drawn [m]."""
+BEHIND: Final = 0.6  # so much of the way behind the arm's foot is drawn [m]
 
 
 class _Moment:
@@ -341,15 +336,11 @@ def _passage(ax: Axes, moment: _Moment) -> None:
 
 
 # --- An arm in its tunnels at the free lengths of Chirikjian and Burdick's figures 4 and 5 --------
-PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)
-"""Free lengths of the paper, in lengths of the arm [1]."""
-NEAR = 0.01
-"""A moment of the run counts for a free length within this [m]."""
-TUNNEL_SIZE_IN, SPACE_IN = 2.3, 3.0
-"""Size of one moment, planar and in space [inch]."""
+PAPER = (1.00, 0.94, 0.83, 0.68, 0.54, 0.44)  # free lengths of the paper, in lengths of the arm [1]
+NEAR = 0.01  # a moment of the run counts for a free length within this [m]
+TUNNEL_SIZE_IN, SPACE_IN = 2.3, 3.0  # size of one moment, planar and in space [inch]
 LINK_PT = 2.6
-STEP = 0.004
-"""The centre line is drawn by points at most so far apart [m]."""
+STEP = 0.004  # the centre line is drawn by points at most so far apart [m]
 
 
 def slithering(run: RecordedRun) -> Figure:

@@ -58,7 +58,6 @@ def fetch() -> None:
 
 
 def main() -> int:
-    """Fetch, or say in one line why not."""
     try:
         fetch()
     except OSError as error:
