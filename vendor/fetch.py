@@ -14,7 +14,7 @@ from typing import Final
 
 HERE: Final = Path(__file__).resolve().parent
 PACKAGES: Final = HERE / "node_modules"
-VENDOR: Final = HERE.parent / "static" / "vendor"
+VENDOR: Final = HERE.parent / "tools/operator/web/static/vendor"
 
 SERVED: Final = {
     "three/build/three.module.js": "three.module.js",

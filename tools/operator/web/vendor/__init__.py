@@ -1,1 +1,0 @@
-"""JavaScript of others that the page is served with, and how it is fetched."""
