@@ -15,8 +15,9 @@ def test_the_package_is_the_five_folders():
     }
 
 
-def test_the_laboratory_is_folders_of_the_tests():
+def test_the_laboratory_is_folders_of_the_tests_and_what_builds_need():
     links = {p.name: p.resolve() for p in (ROOT / ".namespace/laboratory").glob("[a-z]*")}
+    assert links.pop("vendor") == ROOT / "vendor"
     assert links == {name: ROOT / "tests" / name for name in links}
     assert "campaign" in links
 

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from laboratory.campaign.urdfs.collection import published
 from laboratory.campaign.urdfs.trial import try_arm
+from laboratory.equipment.arms import read_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.tools.cli import main
 from telerobot.tools.init.capsules import LinkMesh, fit, hull_of, link_shape
 from telerobot.tools.init.draft import bound, path_from, range_of
 from telerobot.tools.init.make import make
-from telerobot.tools.init.robot import carried_mass, read_arm
+from telerobot.tools.init.robot import carried_mass
 
 
 def refusal(urdf, tip=None):

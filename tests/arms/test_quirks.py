@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.equipment.arms import read_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.config.urdf.robot import read_robot
@@ -11,7 +12,6 @@ from telerobot.drivers.rig.physics.scene import build_model
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import make
-from telerobot.tools.init.robot import read_arm
 from telerobot.tools.init.study import GRANTED, Study
 
 

@@ -9,13 +9,14 @@ SYNC and latency are those of real processes, `telerobot scan` among them.
 """
 
 import gc
+import socket
 import tempfile
 import time
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, ConfigError, load_cell
 from telerobot.drivers.scanner import Clocks
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
@@ -25,7 +26,8 @@ from telerobot.server.perception.scanning.placing import instant_of
 from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles
-from telerobot.tools.bench.latency import EnabledPlant, driven, with_own_scanner
+from telerobot.tools.bench.latency import EnabledPlant, driven
+from telerobot.tools.host.local_plant import free_port
 from telerobot.tools.host.machine import realtime
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -52,6 +54,20 @@ def bench(cell: Cell, quick: bool) -> Figures:
         steps = latency.QUICK_STEPS if quick else latency.STEPS
         figures |= {f"wheels_{name}": value for name, value in wheels(own, steps).items()}
     return figures
+
+
+def with_own_scanner(cell: Cell, folder: Path) -> Cell:
+    """Return the cell with its laser scanner on a port that nobody uses, as a file in a folder.
+
+    Raises `ConfigError` for a cell without one.
+    """
+    scanner = cell.config.scanner
+    if scanner is None:
+        raise ConfigError(f"{cell.path}: scanner: missing")
+    path = folder / f"own_{cell.config.name}.toml"
+    address = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    path.write_text(f'extends = "{cell.path}"\n[scanner]\naddress = "{address}"\n')
+    return load_cell(path)
 
 
 def looking(cell: Cell, seconds: float) -> Figures:

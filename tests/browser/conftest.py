@@ -63,7 +63,7 @@ def browsers():
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("no chromium here: apt-get install chromium")
-    from telerobot.tools.operator.web.vendor.fetch import missing
+    from laboratory.vendor.fetch import missing
 
     if missing():
         pytest.skip("the page's JavaScript is not fetched: make venv")

@@ -1,7 +1,7 @@
 """Everybody can use the page: contrast, names, order; on a desk and a tablet, dark and light."""
 
 import pytest
-from telerobot.tools.operator.web.vendor.fetch import PACKAGES
+from laboratory.vendor.fetch import PACKAGES
 
 pytestmark = pytest.mark.browser
 

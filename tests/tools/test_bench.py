@@ -13,7 +13,7 @@ from telerobot.tools.bench import tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.cli import table
 from telerobot.tools.bench.figures import machine, percentiles
-from telerobot.tools.bench.latency import with_own_scanner, without_self_motion
+from telerobot.tools.bench.latency import without_self_motion
 from telerobot.tools.cli import main
 
 
@@ -135,7 +135,7 @@ def test_a_rovers_ticks_are_among_sixteen_boxes_and_its_scans_end_in_contours():
 
 def test_a_benchs_own_scanner_is_on_another_port_and_else_the_same(tmp_path):
     cell = load_cell("rover_bridge")
-    own = with_own_scanner(cell, tmp_path)
+    own = rover.with_own_scanner(cell, tmp_path)
     assert own.config.scanner.address != cell.config.scanner.address
     back = altered(own, {"scanner.address": cell.config.scanner.address})
     assert back.config == cell.config

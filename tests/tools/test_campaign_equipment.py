@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from laboratory.campaign.hostile.cells import EMPTY, LOADED, with_gripper
 from laboratory.campaign.hostile.generator import generate
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 from telerobot.tools.soak.cli import ComputedSights
-from telerobot.tools.soak.equipment import EMPTY, LOADED, with_gripper
 
 WATCH = [
     {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},

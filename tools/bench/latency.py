@@ -1,6 +1,5 @@
 """Latency from an operator's command to the drive's, over real processes."""
 
-import socket
 import struct
 import tempfile
 import time
@@ -12,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...config.load import Cell, ConfigError, load_cell
+from ...config.load import Cell, load_cell
 from ...drivers.bus import CanMessage, open_bus
 from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
 from ...protocols.messages.messages import Frame
 from ..client.operator import Operator, OperatorError
-from ..host.local_plant import LocalPlant, free_port
+from ..host.local_plant import LocalPlant
 from .figures import Figures, percentiles
 
 # --- Driven plant for the benchmarks: rig, daemon, an operator, and a listener on the bus ---------
@@ -64,20 +63,6 @@ def without_self_motion(cell: Cell, folder: Path) -> Cell:
     else:
         text += STILL
     path.write_text(text.replace(f'"{cell.robot.urdf.name}"', f'"{cell.robot.urdf}"'))
-    return load_cell(path)
-
-
-def with_own_scanner(cell: Cell, folder: Path) -> Cell:
-    """Return the cell with its laser scanner on a port that nobody uses, as a file in a folder.
-
-    Raises `ConfigError` for a cell without one.
-    """
-    scanner = cell.config.scanner
-    if scanner is None:
-        raise ConfigError(f"{cell.path}: scanner: missing")
-    path = folder / f"own_{cell.config.name}.toml"
-    address = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    path.write_text(f'extends = "{cell.path}"\n[scanner]\naddress = "{address}"\n')
     return load_cell(path)
 
 

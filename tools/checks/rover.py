@@ -349,7 +349,8 @@ def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
         "base wheels",
         graded(off, NOTICE_OFF, MOST_OFF),
         f"axles {track:g} m apart from right to left and {radius:g} m high in the URDF; track "
-        f"{told.track:g} and radius {told.radius:g} in the cell: {off:.1%} off, at most {MOST_OFF:.0%}",
+        f"{told.track:g} and radius {told.radius:g} in the cell: {off:.1%} off, at most "
+        f"{MOST_OFF:.0%}",
         {"urdf_track": track, "urdf_radius": radius, "off": off, "limit": MOST_OFF},
     )
 

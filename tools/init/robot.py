@@ -211,11 +211,6 @@ class UrdfArm:
     own: frozenset[str] = frozenset()  # the links that its first joint carries
 
 
-def read_arm(urdf: Path, tip: str | None, packages: Mapping[str, Path]) -> UrdfArm:
-    """Read the only arm of a URDF: see `read_arms`."""
-    return read_arms(urdf, [] if tip is None else [tip], packages)[0]
-
-
 def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> list[UrdfArm]:
     """Read a URDF; `tips` are the arms' last links, one arm's is found where none is said.
 

@@ -1,16 +1,11 @@
 """What hostile operators do with a cell's equipment, and how grounds move."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism import GripperSection, PayloadSection
-from ...config.schema.rig import RigGripperSection
-from ...config.schema.section import PoseSection
-from ...config.schema.surroundings import FramesSection, MovingFrameSection
 from ...protocols.messages.messages import Frame
 from ..scripts.script import Step
 
@@ -28,34 +23,15 @@ def step(at_s: float, act: Mapping[str, Any]) -> Step:
 # --- Moving grounds: an arm on a swaying platform, beside a conveyor, and the news of both --------
 #
 # In the end the platform is back in its place and the CRF in World, so that goals are judged as
-# ever. The news is an encoder's: noise that is worse would show in goals, which are judged to a
-# millimetre.
+# ever.
 Pair = tuple[dict[str, Any], dict[str, Any]]
 """An act and its sequel a moment later; each may be empty."""
 
-NOISE = (2e-5, 2e-5)  # standard deviation of each axis of a told pose [m], [rad]
 SWAY, TURN = 0.05, 0.05
 """Greatest amplitude of the platform's sway along and about each axis [m], [rad]."""
 PERIODS_S = (2.0, 6.0)  # range of the sway's period [s]
 SPEED = 0.2  # greatest speed of the conveyor along each axis [m/s]
 DOUBLED = 3  # frequency of these disturbances, relative to each of the others [1]
-
-
-def with_moving(draw: Draw, cell: Cell) -> Cell:
-    """Return the cell with a Base or a Carrier that may move, or both; as it is without a rig."""
-    rig = cell.config.rig
-    if rig is None:
-        return cell
-    which = int(draw.integers(3))
-    x, y, z = draw.uniform(-0.5, 0.5, 3).tolist()
-    frames = FramesSection(
-        base=MovingFrameSection() if which != 1 else None,
-        carrier=MovingFrameSection() if which != 0 else None,
-        T_world_carrier=PoseSection(xyz=(x, y, z)),
-    )
-    told = rig.frames.model_copy(update={"noise": NOISE, "twists": bool(draw.random() < 0.5)})
-    changed = {"frames": frames, "rig": rig.model_copy(update={"frames": told})}
-    return replace(cell, config=cell.config.model_copy(update=changed))
 
 
 def ground_disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
@@ -98,35 +74,6 @@ def ground_order(cell: Cell) -> list[dict[str, Any]]:
 # --- Equipment of an arm and its use: a gripper that picks things up, cameras ---------------------
 Segment = Callable[[Draw, Cell, float, float], list[Step]]
 
-GRIPPER_NODE = 120
-EMPTY, LOADED = "campaign_empty", "campaign_loaded"
-"""Names of the payloads that the gripper switches."""
-
-
-def with_gripper(draw: Draw, cell: Cell) -> Cell:
-    """Return the cell with a gripper and something to pick up; as it is without a sensor or rig."""
-    mechanism, rig = cell.config.mechanism, cell.config.rig
-    sensor = mechanism.force_torque
-    if rig is None or sensor is None or mechanism.gripper is not None:
-        return cell
-    mass, com = float(draw.uniform(0.2, 1.2)), draw.uniform(-0.03, 0.03, 3)
-    com[2] += 0.1
-    empty = sensor.payload
-    whole = empty.mass + mass
-    x, y, z = ((empty.mass * np.array(empty.com) + mass * com) / whole).tolist()
-    gripper = GripperSection(node=GRIPPER_NODE, open_payload=EMPTY, closed_payload=LOADED)
-    payloads = {
-        **mechanism.payloads,
-        EMPTY: empty,
-        LOADED: PayloadSection(mass=whole, com=(x, y, z)),
-    }
-    hx, hy, hz = com.tolist()
-    changed = {
-        "mechanism": mechanism.model_copy(update={"gripper": gripper, "payloads": payloads}),
-        "rig": rig.model_copy(update={"gripper": RigGripperSection(mass=mass, com=(hx, hy, hz))}),
-    }
-    return replace(cell, config=cell.config.model_copy(update=changed))
-
 
 def segments(cell: Cell) -> tuple[Segment, ...]:
     """Return what operators do with the equipment for a while."""
@@ -149,13 +96,14 @@ OPENING_S = 2.6  # the opening of a cell with cameras takes this long [s]
 def equipment_disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
     """Return what happens to the equipment besides."""
     found: list[Pair] = []
-    if cell.config.mechanism.gripper is not None:
+    gripper = cell.config.mechanism.gripper
+    if gripper is not None:
         wrong = {"mass": float(draw.uniform(0.0, 2.0)), "com": [0.0, 0.0, 0.05]}
         found += [
             ({"operator/gripper": {"closed": True}}, {"operator/gripper": {"closed": False}}),
             ({"operator/gripper": {"closed": True}}, {}),
-            ({"operator/payload": wrong}, {"operator/payload": {"name": EMPTY}}),
-            ({"operator/payload": {"name": LOADED}}, {"operator/gripper": {"closed": True}}),
+            ({"operator/payload": wrong}, _payload(gripper.open_payload)),
+            (_payload(gripper.closed_payload), {"operator/gripper": {"closed": True}}),
         ]
     tags = _tags(cell)
     if cell.config.cameras and tags:
@@ -173,12 +121,19 @@ def equipment_disturbances(draw: Draw, cell: Cell) -> tuple[Pair, ...]:
     return tuple(found)
 
 
+def _payload(name: str | None) -> dict[str, Any]:
+    """Return the switch to one of the cell's payloads; nothing for none."""
+    return {"operator/payload": {"name": name}} if name else {}
+
+
 def equipment_order(cell: Cell) -> list[dict[str, Any]]:
     """Return what brings order back, one step each."""
     found: list[dict[str, Any]] = []
-    if cell.config.mechanism.gripper is not None:
+    gripper = cell.config.mechanism.gripper
+    if gripper is not None:
         found.append({"operator/gripper": {"closed": False}})
-        found.append({"operator/payload": {"name": EMPTY}})
+        if gripper.open_payload is not None:
+            found.append(_payload(gripper.open_payload))
     if cell.config.cameras:
         found.append({"operator/switch": {"source": "vision", "on": False}})
         gain = cell.config.sources.vision.gain

@@ -1,7 +1,6 @@
 """What hostile operators do to a cell, segment by segment, and how order is restored."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -319,15 +318,6 @@ def script(cell: Cell, seed: int) -> Script:
         duration_s=end_s + RESTORE_S,
         step=tuple(steps),
     )
-
-
-def opened(cell: Cell) -> Cell:
-    """Return the cell with nothing around the arm."""
-    rig = cell.config.rig
-    if rig is None:
-        return cell
-    bare = rig.model_copy(update={"wall": None, "boxes": ()})
-    return replace(cell, config=cell.config.model_copy(update={"rig": bare}))
 
 
 def hostile(draw: Draw, cell: Cell, end_s: float) -> list[Step]:

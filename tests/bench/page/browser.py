@@ -34,7 +34,7 @@ def missing() -> str:
         return "playwright is not installed: pip install playwright"
     if chromium() is None:
         return "no chromium here: apt-get install chromium"
-    from telerobot.tools.operator.web.vendor.fetch import missing as not_fetched
+    from laboratory.vendor.fetch import missing as not_fetched
 
     return "the page's JavaScript is not fetched: make venv" if not_fetched() else ""
 

@@ -17,9 +17,10 @@ from laboratory.oracle.feasible import GoalJudge
 from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell, altered
 from telerobot.tools.scripts.script import Script, Step
-from telerobot.tools.soak import equipment
-from telerobot.tools.soak.equipment import OPENING_S, Draw, step, with_gripper
-from telerobot.tools.soak.segments import HOSTILE_S, RESTORE_S, hostile, opened, restored, schedules
+from telerobot.tools.soak.equipment import OPENING_S, Draw, step
+from telerobot.tools.soak.segments import HOSTILE_S, RESTORE_S, hostile, restored, schedules
+
+from .cells import opened, with_gripper, with_moving
 
 POSTURE_S = 7.0
 """A posture is reached within this time from wherever the hostile part ends, also where the tool
@@ -79,7 +80,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
     if draw.random() < GRIPPING:
         cell = with_gripper(draw, cell)
     if draw.random() < MOVING:
-        cell = equipment.with_moving(draw, cell)
+        cell = with_moving(draw, cell)
     judge = GoalJudge.of(cell)
     end_s = float(draw.uniform(*HOSTILE_S)) + (OPENING_S if cell.config.cameras else 0.0)
     steps = hostile(draw, cell, end_s) + restored(cell, end_s)

@@ -20,6 +20,8 @@ from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.soak import equipment, segments
 from telerobot.tools.soak.equipment import Draw, step
 
+from .cells import with_gripper, with_moving
+
 WILD_S = 12.0
 """Length of a run [s]."""
 SEGMENT_S = (0.2, 1.6)
@@ -59,9 +61,9 @@ def equipped(cell: Cell, seed: int) -> Cell:
     """Return the cell, with a gripper or on moving ground every now and then."""
     draw = np.random.default_rng([seed, *b"equipped"])
     if draw.random() < 0.3:
-        cell = equipment.with_gripper(draw, cell)
+        cell = with_gripper(draw, cell)
     if draw.random() < 0.2 and not cell.config.frames.moving:
-        cell = equipment.with_moving(draw, cell)
+        cell = with_moving(draw, cell)
     return replace(cell)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from laboratory.vendor.fetch import missing
 from telerobot.config.load import Cell
 from telerobot.tools.operator.web.scene import scene_of
-from telerobot.tools.operator.web.vendor.fetch import missing
 from telerobot.tools.simulation.simulation import Result
 
 from ...equipment.pictures.moments import TRAIL_S, Moment, Run

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from laboratory.vendor.fetch import missing
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.perception import ScanPoints
 from telerobot.server.commands.haptics import SLIP
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.operator.web.scene import describe
 from telerobot.tools.operator.web.streams import told_scan
-from telerobot.tools.operator.web.vendor.fetch import missing
 
 FORWARD = """
     const { forward } = await load("scene/geometry/kinematics.js");
