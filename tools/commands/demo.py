@@ -2,9 +2,13 @@
 
 import argparse
 import json
+import os
+import secrets
+import socket
 import sys
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...config.errors import printable
@@ -14,10 +18,9 @@ from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
 from ..client.operator import Operator, OperatorError
 from ..host.address import moved
-from ..host.local_plant import ChildDied, LocalPlant, recording
+from ..host.local_plant import ChildDied, LocalPlant, free_port, recording
 from ..host.machine import Claims, own_endpoint
 from ..operator.terminal import is_terminal
-from ..operator.web.cli import start_page
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
 from .drive import drive
@@ -26,6 +29,7 @@ READY_WITHIN_S = 90.0
 """A daemon that is not ready by then will not be [s]; the very first start compiles kernels."""
 
 JITTER = ("lateness_us_p50", "lateness_us_p99", "lateness_us_max")
+PORT = 8080  # the page's port, if it is free
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             where = plant.cell.config.zenoh.listen
             _say(f"{cell.config.name} listens at {where}" + (f": {why_not}" if why_not else ""))
             try:
-                told = [] if script is not None or args.no_page else start_page(plant, claims)
+                told = [] if script is not None or args.no_page else _start_page(plant, claims)
                 show = _Show(plant)
                 show.wait_ready()
                 if script is None:
@@ -148,3 +152,25 @@ def _table(summary: dict[str, object]) -> str:
         "failure": summary["failure"] or "none",
     }
     return "\n".join(printable(f"{name:<22} {value}", 100_000) for name, value in rows.items())
+
+
+def _start_page(plant: LocalPlant, claims: Claims) -> list[str]:
+    """Start the console; return its address in words, or why there is none."""
+    if find_spec("aiohttp") is None:
+        return ["no page in the browser: pip install 'telerobot[console]'"]
+    from ..operator.web import cli as page
+
+    if not page.FETCHED.is_file():
+        return ["no page in the browser: its JavaScript is not there (make venv fetches it)"]
+    taken = claims.take(PORT)
+    port = free_port(socket.SOCK_STREAM) if taken else PORT
+    operators, observers = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+    plant.start_console([f"--listen=127.0.0.1:{port}"], {page.KEYS: f"{operators},{observers}"})
+    address = f"http://127.0.0.1:{port}/?key={operators}"
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        page.open_page(address)
+    other = f" (port {PORT}: {taken})" if taken else ""
+    return [
+        f"the page: {address}{other}",
+        f"to watch only: http://127.0.0.1:{port}/?key={observers}",
+    ]

@@ -5,14 +5,11 @@ import asyncio
 import atexit
 import gc
 import os
-import secrets
 import shutil
 import signal
-import socket
 import tempfile
 import webbrowser
 from collections.abc import Callable, Coroutine
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,17 +21,15 @@ from ....drivers.network.identity import Identity, identity_of
 from ....protocols.topics import Role
 from ...client.operator import Connection
 from ...host.address import cell_from
-from ...host.local_plant import LocalPlant, free_port
-from ...host.machine import Claims
 from .pages import PageHub
 from .server import Access, Listen, SceneServer, Server, tls_context
-from .vendor.fetch import missing
 
-# --- `telerobot console CELL`: the operator's page in the browser ---------------------------------
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
 """Environment variable with the operators' and the observers' secret, for a console that is started
 again: whoever had come in stays in."""
 
+FETCHED: Final = Path(__file__).parent / "static/vendor/three.module.js"
+"""One of the modules that `make page` fetches, and that every wheel has."""
 KEEP_S: Final = 30.0  # a connection on which nothing is asked for is kept so long [s]
 
 
@@ -47,9 +42,8 @@ def run(args: argparse.Namespace) -> int:
 def listen_of(args: argparse.Namespace) -> Listen:
     """Return where to listen. Raises `ConfigError`, also where the page's modules are missing."""
     listen = Listen.parse(args.listen)
-    lacking = missing()
-    if lacking:
-        raise ConfigError(f"console: {lacking[0]} is not there: run `make page`")
+    if not FETCHED.is_file():
+        raise ConfigError(f"console: {FETCHED.name} is not there: run `make page`")
     return listen
 
 
@@ -142,29 +136,3 @@ def _address(listen: Listen, port: int, secure: bool) -> str:
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(listen.host, listen.host)
     shown = f"[{host}]" if ":" in host else host
     return f"{'https' if secure else 'http'}://{shown}:{port}"
-
-
-# --- The page of a demo: its address, or in words why there is none -------------------------------
-PORT = 8080  # the page's port, if it is free
-
-
-def start_page(plant: LocalPlant, claims: Claims) -> list[str]:
-    """Start the console of a demo; return what to tell about it."""
-    if find_spec("aiohttp") is None:
-        return ["no page in the browser: pip install 'telerobot[console]'"]
-    from .vendor.fetch import missing
-
-    if missing():
-        return ["no page in the browser: its JavaScript is not there (make venv fetches it)"]
-    taken = claims.take(PORT)
-    port = free_port(socket.SOCK_STREAM) if taken else PORT
-    operators, observers = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-    plant.start_console([f"--listen=127.0.0.1:{port}"], {KEYS: f"{operators},{observers}"})
-    address = f"http://127.0.0.1:{port}/?key={operators}"
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        open_page(address)
-    other = f" (port {PORT}: {taken})" if taken else ""
-    return [
-        f"the page: {address}{other}",
-        f"to watch only: http://127.0.0.1:{port}/?key={observers}",
-    ]
