@@ -6,7 +6,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 import numba
 from numba import types
 
-from .compilation import tell
+from . import compilation
 
 # --- Loops over small arrays, compiled to machine code: what numpy's cost per call is too much for
 #
@@ -18,7 +18,8 @@ from .compilation import tell
 # Rules, which `tests/server/control/test_compiled.py` holds:
 #
 # - A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
-#   and made anew when that file changes, not when another one does.
+#   and made anew when that file changes, not when another one does. One that kernels alone call is
+#   an `inner_kernel`: nothing of its own is kept, nor loaded at a start.
 # - Indices are checked: one out of bounds is an IndexError.
 #
 # Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times
@@ -73,8 +74,14 @@ MARKS: Final = types.Array(types.boolean, 1, "C")
 """A new array of flags that a kernel fills in."""
 
 
-def _made(arguments: tuple[Any, ...], function: Callable[..., Any], cache: bool) -> Any:
-    return numba.njit(arguments, cache=cache, error_model="numpy", boundscheck=True)(function)
+_njit: Any = numba.njit
+"""Its stubs know fewer options than it has."""
+
+
+def _dispatcher(function: Callable[..., Any], **more: Any) -> Any:
+    # No C function of it: kernels and Python call kernels, and nobody else does.
+    options = {"error_model": "numpy", "boundscheck": True, "no_cfunc_wrapper": True, **more}
+    return _njit(**options)(function)
 
 
 def compiled(
@@ -87,19 +94,29 @@ def compiled(
     """
 
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-        made: Any
         try:
-            made = _made(arguments, function, cache=True)
+            made = _dispatcher(function, cache=True)
         except RuntimeError as error:
             if "cannot cache" not in str(error):
                 raise
-            made = _made(arguments, function, cache=False)
-        if not made.stats.cache_hits:
-            tell(function.__name__)
+            made = _dispatcher(function)
+
+        def make() -> bool:
+            made.compile(arguments)
+            made.disable_compile()
+            return not made.stats.cache_hits
+
+        compilation.make(function, make)
         kernel: Callable[Arguments, Result] = made
         return kernel
 
     return decorate
+
+
+def inner_kernel(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Mark a kernel that kernels of its file alone call: it is compiled into each of them."""
+    kernel: Callable[Arguments, Result] = _dispatcher(function)
+    return kernel
 
 
 # --- A changed copy of a frozen dataclass, quickly: the tick makes a dozen of them ----------------

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
+from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled, inner_kernel
 
 # --- Poses, rotations and twists, and how they change with frame ----------------------------------
 #
@@ -95,7 +95,7 @@ def sizes(twist: Array) -> tuple[float, float]:
     return math.sqrt(v2), math.sqrt(w2)
 
 
-@compiled(MATRIX)
+@inner_kernel
 def rotation_log(R: Array) -> Array:
     """Return the rotation vector (3,) [rad] of R (3, 3), norm at most π."""
     axis = np.empty(3)
@@ -121,7 +121,7 @@ def rotation_log(R: Array) -> Array:
     return column * (math.copysign(angle, sign) / math.sqrt(size))
 
 
-@compiled(VECTOR)
+@inner_kernel
 def rotation_exp(r: Array) -> Array:
     """Return R (3, 3) of a rotation vector (3,) [rad] (Rodrigues)."""
     x, y, z = r[0], r[1], r[2]
@@ -142,7 +142,7 @@ def rotation_exp(r: Array) -> Array:
     return R
 
 
-@compiled(VECTOR)
+@inner_kernel
 def right_jacobian(r: Array) -> Array:
     """Return Jr (3, 3) with body rate ω = Jr(r) dr/dt for R = exp(r)."""
     x, y, z = r[0], r[1], r[2]
@@ -187,7 +187,7 @@ def _turn(R_target: Array, r: Array, rates: Array, R: Array, twist: Array) -> No
                 twist[3 + i] += R[i, j] * Jr[j, k] * rates[3 + k]
 
 
-@compiled(VECTOR, VECTOR)
+@inner_kernel
 def vector_rate(r: Array, w: Array) -> Array:
     """Return the rate (3,) of a rotation vector r (3,), |r| < 2π, at a body rate w (3,) [rad/s].
 

@@ -1,9 +1,14 @@
-"""Progress of a first start: kernels are compiled once for a machine, which takes minutes."""
+"""A first start: kernels are compiled once for a machine, on all its processors, with progress."""
 
+import fcntl
+import multiprocessing
+import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
@@ -12,9 +17,12 @@ from ...server.control import compilation
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-QUIET_S: Final = 2.0  # compiling that takes no longer is not told [s]
+QUIET_S: Final = 2.0
+"""Compiling that takes no longer is not told, nor helped with [s]."""
 
 WORDS: Final = "telerobot: compiling kernels for this machine, once"
+
+PACKAGE: Final = __package__.partition(".")[0]
 
 
 @contextmanager
@@ -29,11 +37,20 @@ def told(to: TextIO | None = None) -> Iterator[None]:
         news.close()
 
 
+def _with_kernels() -> dict[str, int]:
+    """Return how many kernels each module of the package has that has any."""
+    root, found = Path(compilation.__file__).resolve().parents[2], {}
+    for room in ("server", "drivers"):
+        for file in sorted((root / room).rglob("*.py")):
+            count = file.read_text(encoding="utf-8").count("\n@compiled(")
+            if count:
+                found[".".join((PACKAGE, *file.relative_to(root).with_suffix("").parts))] = count
+    return found
+
+
 def kernels() -> int:
     """Return how many kernels the package has; no command needs more."""
-    root = Path(compilation.__file__).resolve().parents[2]
-    files = (file for room in ("server", "drivers") for file in (root / room).rglob("*.py"))
-    return sum(file.read_text(encoding="utf-8").count("\n@compiled(") for file in files)
+    return sum(_with_kernels().values())
 
 
 class _CompileNotice:
@@ -43,30 +60,80 @@ class _CompileNotice:
         self._to = to
         self._began_s: float | None = None
         self._count = 0
-        self._said = False
+        self._said = self._helped = False
         self._bar: tqdm[None] | None = None
 
-    def __call__(self, name: str) -> None:
+    def __call__(self, module: str, name: str) -> None:
         now = time.monotonic()
         if self._began_s is None:
             self._began_s = now
         self._count += 1
         if now - self._began_s < QUIET_S:
             return
+        self._tell(name, now - self._began_s)
+        if module.startswith(f"{PACKAGE}.") and not self._helped:
+            self._helped = True
+            for helped in _compile_all():
+                self._count += 1
+                self._tell(helped, time.monotonic() - self._began_s)
+
+    def _tell(self, name: str, elapsed_s: float) -> None:
         if self._to.isatty():
             if self._bar is None:
                 from tqdm import tqdm  # only for who waits
 
                 most = max(kernels(), self._count)
                 self._bar = tqdm(desc=WORDS, total=most, unit=" kernels", file=self._to)
-                self._bar.start_t -= now - self._began_s
+                self._bar.start_t -= elapsed_s
             self._bar.total = max(self._bar.total or 0, self._count)
             self._bar.n = self._count
             self._bar.set_postfix_str(name)
         elif not self._said:
-            print(f"{WORDS}; it takes minutes", file=self._to, flush=True)
+            print(f"{WORDS}; it takes a minute", file=self._to, flush=True)
             self._said = True
 
     def close(self) -> None:
+        """End the line."""
         if self._bar is not None:
             self._bar.close()
+
+
+# --- All kernels at once, on all processors: in a process of its own, which loads all and forks ---
+
+
+def _compile_all() -> Iterator[str]:
+    """Have all kernels compiled to disk; yield the module of each as it is there.
+
+    Whoever asks compiles what is missing then by himself.
+    """
+    command = [sys.executable, "-m", f"{__package__}.first_start"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        yield from (line.strip() for line in process.stdout or ())
+
+
+def _main() -> None:
+    """Compile all kernels, and print the module of each that was not on disk."""
+    modules = _with_kernels()
+    with compilation.put_off() as makers:
+        for module in modules:
+            import_module(module)
+    # Those who start at the same time need the same kernels: one compiles, the others find them.
+    with Path(compilation.__file__).open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        _made.update(makers)
+        longest = sorted(modules, key=lambda module: -modules[module])
+        with multiprocessing.get_context("fork").Pool(len(os.sched_getaffinity(0))) as pool:
+            for module, count in pool.imap_unordered(_make, longest):
+                print(f"{module}\n" * count, end="", flush=True)
+
+
+_made: dict[str, list[compilation.Make]] = {}
+
+
+def _make(module: str) -> tuple[str, int]:
+    """Make the kernels of a module; return it, and how many were compiled."""
+    return module, sum(make() for make in _made[module])
+
+
+if __name__ == "__main__":
+    _main()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import FLAG, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..spatial import Array
 
 
@@ -50,7 +50,7 @@ def begin(momentum: Array) -> MomentumState:
     return MomentumState(momentum, np.zeros_like(momentum))
 
 
-@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+@inner_kernel
 def observed(
     expected: Array, momentum: Array, known: Array, bandwidth: float, period_s: float
 ) -> Array:
@@ -66,7 +66,7 @@ def observed(
     return out
 
 
-@compiled(VECTOR, VECTOR, NUMBER)
+@inner_kernel
 def to_expect(momentum: Array, residual: Array, bandwidth: float) -> Array:
     """Return the momentum (n,) to be expected of an observer that goes on from a residual (n,)."""
     out = np.empty(len(momentum))
@@ -75,7 +75,7 @@ def to_expect(momentum: Array, residual: Array, bandwidth: float) -> Array:
     return out
 
 
-@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+@inner_kernel
 def _heading(q: Array, q_command: Array, dq_command: Array, lead: float, speed: float) -> Array:
     """Return which way each joint is to go, and how surely: −1 to 1 (n,).
 
@@ -87,7 +87,7 @@ def _heading(q: Array, q_command: Array, dq_command: Array, lead: float, speed: 
     return out
 
 
-@compiled(MATRIX)
+@inner_kernel
 def _inverted(M: Array) -> Array:
     """Return the inverse of a symmetric positive definite matrix (n, n), by Gauss and Jordan."""
     n = len(M)
@@ -109,7 +109,7 @@ def _inverted(M: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def _times(A: Array, x: Array) -> Array:
     out = np.zeros(A.shape[0])
     for i in range(A.shape[0]):
@@ -118,7 +118,7 @@ def _times(A: Array, x: Array) -> Array:
     return out
 
 
-@compiled(VECTOR, VECTOR)
+@inner_kernel
 def _within(x: Array, most: Array) -> Array:
     """Return x (n,), each part at most `most` (n,) in size; what is not a number stays."""
     out = np.empty(len(x))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.schema.mechanism import TorqueSection
-from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..mechanism.model import Dynamics, Kinematics
 from ..spatial import Array, Motion, Pose, jacobian_at, pose_error, wrench_to
 from .believed import (
@@ -35,7 +35,7 @@ ROUNDING = 1e-30
 """Off-diagonal entries below this are rounding: sum of squares against the diagonal's [1]."""
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def drift(J: Array, dq: Array) -> Array:
     """Return J̇ dq (6,): the tool's acceleration at constant joint rates [m/s², rad/s²].
 
@@ -58,7 +58,7 @@ def drift(J: Array, dq: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR, NUMBER, NUMBER)
+@inner_kernel
 def damped(mobility: Array, wanted: Array, region: float, damping: float) -> Array:
     """Return the push (m,) that gives what a symmetric mobility (m, m) lets move as is `wanted`.
 
@@ -112,10 +112,7 @@ def damped(mobility: Array, wanted: Array, region: float, damping: float) -> Arr
     return x
 
 
-@compiled(
-    MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR,
-    NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER,
-)  # fmt: skip
+@inner_kernel
 def acceleration(
     inverse: Array, J_c: Array, J: Array, error: Array,
     q_c: Array, dq_c: Array, dq_ahead: Array, q: Array, dq: Array, weight: Array,

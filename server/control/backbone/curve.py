@@ -9,7 +9,7 @@ from ....config.drives import joint_bounds
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
-from ..compiled import MATRIX, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
+from ..compiled import MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
 from ..spatial import Array, Pose, rotation_exp
 from .fit import Chain
 from .tunnels import Arcs, Turn, solve_gap
@@ -94,7 +94,7 @@ class Bow(NamedTuple):
         return *self.chord.placed(found), ds1
 
 
-@compiled(NUMBER, ROW)
+@inner_kernel
 def bessel(x: float, J: Array) -> None:
     """Write J_n(x) of the orders n = 0, 1, … (k,), by their power series; |x| below about 5."""
     half, first = 0.5 * x, 1.0
@@ -108,7 +108,7 @@ def bessel(x: float, J: Array) -> None:
         first *= half / (n + 1)
 
 
-@compiled(NUMBER)
+@inner_kernel
 def bow_parameter(ratio: float) -> float:
     """Return μ in (0, 2.405) of J0(μ) = ratio in (0, 1): Newton's method inside a bracket."""
     low, high, J = 0.0, FIRST_ZERO, np.empty(2)
@@ -251,7 +251,7 @@ class Modal(NamedTuple):
         return self.chord.placed(modal_at(self.modes, mu, self.chord.h, stations))
 
 
-@compiled(VECTOR, NUMBER)
+@inner_kernel
 def _shape(modes: Array, share: float) -> float:
     """Return f(σ) at a share of the free length (0 to 1) [1]."""
     found = 0.0
@@ -260,7 +260,7 @@ def _shape(modes: Array, share: float) -> float:
     return found
 
 
-@compiled(VECTOR, NUMBER, NUMBER, NUMBER, ROW)
+@inner_kernel
 def _add(modes: Array, mu: float, begin: float, end: float, sums: Array) -> None:
     """Add ∫ sin(μf), ∫ cos(μf) and their ∂/∂μ from one share to another to `sums` (4,)."""
     panels = max(1, math.ceil((end - begin) / PANEL - 1e-9))

@@ -6,7 +6,18 @@ import numpy as np
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ..compiled import ARRAY4, COUNT, FLAGS, MATRIX, ROW, STACK, TABLE, VECTOR, compiled, record
+from ..compiled import (
+    ARRAY4,
+    COUNT,
+    FLAGS,
+    MATRIX,
+    ROW,
+    STACK,
+    VECTOR,
+    compiled,
+    inner_kernel,
+    record,
+)
 from ..proximity.capsules import Branch
 from ..scene import Flags
 from ..spatial import Array
@@ -60,7 +71,7 @@ class Fitted(NamedTuple):
     """Their derivative along the curve's parameter (n,)."""
 
 
-@compiled(LINKS, VECTOR, TABLE, TABLE, TABLE)
+@inner_kernel
 def _place(
     links: tuple[Array, Array, Array, Array, Flags],
     q: Array,

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.polynomial import legendre
 
-from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, TABLE, VECTOR, compiled, record
+from ..compiled import ARRAY3, INDEX, NUMBER, TABLE, VECTOR, compiled, inner_kernel, record
 from ..scene import Index
 from ..spatial import Array, Pose, rotation_exp
 
@@ -125,7 +125,7 @@ def _at(arcs: tuple[Array, Array, Array], depths: Array, points: Array, tangents
             tangents[m, i] = cosine * t + sine * n
 
 
-@compiled(ARC_ARRAYS, NUMBER, NUMBER, VECTOR)
+@inner_kernel
 def _foot(
     arcs: tuple[Array, Array, Array], low: float, high: float, point: Array
 ) -> tuple[float, float]:
@@ -165,7 +165,7 @@ def _foot(
     return least, where
 
 
-@compiled(ARC_ARRAYS, MATRIX, VECTOR, NUMBER, INDEX)
+@inner_kernel
 def off_centre(
     arcs: tuple[Array, Array, Array],
     points: Array,

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ..compiled import MATRIX, VECTOR, compiled
+from ..compiled import MATRIX, VECTOR, compiled, inner_kernel
 from ..spatial import Array
 
 KEPT = 1e-9
@@ -46,7 +46,7 @@ def violation(A: Array, least: Array, dq: Array) -> float:
     return worst
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def _least_squares(E: Array, target: Array) -> Array:
     """Return the x (k,) with the least ‖E x − target‖, E (r, k) of full rank or nearly so.
 
@@ -94,7 +94,7 @@ def _least_squares(E: Array, target: Array) -> Array:
     return x
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def least_distance(G: Array, h: Array) -> Array:
     """Return the shortest x (n,) with G x ≥ h (m,), rows of G of unit size or zero.
 
@@ -171,7 +171,7 @@ def least_distance(G: Array, h: Array) -> Array:
     return x
 
 
-@compiled(MATRIX)
+@inner_kernel
 def _cholesky(M: Array) -> Array:
     """Return the lower triangular L (n, n) with L Lᵀ = M, positive definite."""
     n = len(M)
@@ -185,7 +185,7 @@ def _cholesky(M: Array) -> Array:
     return L
 
 
-@compiled(MATRIX, VECTOR, MATRIX)
+@inner_kernel
 def _nearest_in(G: Array, h: Array, L: Array) -> Array:
     """Return the x (n,) with the least xᵀ L Lᵀ x and G x ≥ h (m,); L (n, n) lower triangular."""
     m, n = G.shape

@@ -27,7 +27,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import COUNT, INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..scene import Index
 from ..spatial import Array
 from ..wheels import DrivenWheels
@@ -235,7 +235,7 @@ def _programme(
     return H, f, A, upper, lower, sense
 
 
-@compiled(MATRIX, INDEX, VECTOR, COUNT, NUMBER)
+@inner_kernel
 def _weighed(J: Array, tool: Index, dq: Array, t: int, length: float) -> float:
     """Return the size of one tool's motion, rotations weighed by `length` [m/rad]."""
     size2 = 0.0

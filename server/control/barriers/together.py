@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..scene import Index
 from ..spatial import Array
 
@@ -67,7 +67,7 @@ def pulled_apart(
     return any(apart(J, tool, link.tools, link.give_way, dq, length) > AGREED for link in links)
 
 
-@compiled(MATRIX, INDEX, INDEX, MATRIX, NUMBER)
+@inner_kernel
 def _rows(
     J: Array, tool: Index, tools: Index, give_way: Array, length: float
 ) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm
-from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve
+from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve, inner_kernel
 from ..grasps.held import GraspState, Weighed
 from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..grasps.views import FOLLOW_TIME_S, TOLD, apart, follow, mean_of
@@ -193,7 +193,7 @@ def _dynamics(arm: Arm) -> Dynamics:
     return dynamics
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def _greatest(Q: Array, x: Array) -> float:
     """Return the greatest force [N] at a grasp by displacements x (n,) of joints, Q (3k, n)."""
     most = 0.0

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from ..compiled import (
     ARRAY3,
-    COUNT,
     FLAG,
     FLAGS,
     INDEX,
@@ -20,6 +19,7 @@ from ..compiled import (
     VECTOR,
     XYZ,
     compiled,
+    inner_kernel,
     record,
 )
 from ..scene import Flags, Scene
@@ -47,7 +47,7 @@ REGULAR: Final = 1e-14
 """Added to J Jᵀ, so that the slope stays finite at a singularity [m²]."""
 
 
-@compiled(MATRIX, TABLE)
+@inner_kernel
 def _solve(J: Array, G: Array) -> float:
     """Return w, and write G (6, n), of a Jacobian J (6, n), by elimination."""
     A = np.empty((6, 6))
@@ -225,7 +225,7 @@ def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
     return there
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _cross(a: Xyz, b: Xyz) -> Xyz:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
@@ -333,29 +333,29 @@ _PARALLEL: Final = 1e-12
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
-@compiled(MATRIX, COUNT)
+@inner_kernel
 def _row(of: Array, i: int) -> Xyz:
     return of[i, 0], of[i, 1], of[i, 2]
 
 
-@compiled(XYZ, NUMBER, XYZ)
+@inner_kernel
 def _plus(a: Xyz, s: float, b: Xyz) -> Xyz:
     """Return a + s b."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
 
 
-@compiled(NUMBER, XYZ)
+@inner_kernel
 def _times(s: float, a: Xyz) -> Xyz:
     return s * a[0], s * a[1], s * a[2]
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def _turned(a: Xyz, b: Xyz, c: Xyz, x: Xyz) -> Xyz:
     """Return x in the axes of a box, whose attitude has the rows a, b, c."""
     return _plus(_plus(_times(x[0], a), x[1], b), x[2], c)
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _dot(a: Xyz, b: Xyz) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -368,7 +368,7 @@ def direction(p1: Xyz, p2: Xyz) -> tuple[Xyz, float]:
     return _times(1.0 / max(length, _NONE), along), length
 
 
-@compiled(XYZ, XYZ, NUMBER, XYZ, NUMBER)
+@inner_kernel
 def by_charge(p: Xyz, u: Xyz, length: float, charge: Xyz, least: float) -> Effect:
     """Return what a charge does to a link, that goes from p along u for its `length` [m].
 
@@ -391,7 +391,7 @@ def by_charge(p: Xyz, u: Xyz, length: float, charge: Xyz, least: float) -> Effec
     return force, _times(w * length / n2, across), math.log((total + length) ** 2 / (2.0 * S))
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def closest(p1: Xyz, p2: Xyz, start: Xyz, end: Xyz) -> Xyz:
     """Return the point of a segment start–end that is closest to a link p1–p2.
 
@@ -410,7 +410,7 @@ def closest(p1: Xyz, p2: Xyz, start: Xyz, end: Xyz) -> Xyz:
     return _plus(start, t, v)
 
 
-@compiled(XYZ, XYZ, NUMBER, XYZ, XYZ, NUMBER)
+@inner_kernel
 def by_line(p: Xyz, u: Xyz, length: float, start: Xyz, end: Xyz, least: float) -> Effect:
     """Return what a line does that is charged all along, with 1 per metre."""
     along, size = direction(start, end)
@@ -424,7 +424,7 @@ def by_line(p: Xyz, u: Xyz, length: float, start: Xyz, end: Xyz, least: float) -
     return force, lever, potential
 
 
-@compiled(NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def repelled(distance: float, size: float, least: float) -> tuple[float, float]:
     """Return the force over `size`, and the potential, at a distance from a solid [m].
 
@@ -437,7 +437,7 @@ def repelled(distance: float, size: float, least: float) -> tuple[float, float]:
     return 0.5 * once, once * size * root
 
 
-@compiled(XYZ, XYZ, NUMBER, XYZ, XYZ, NUMBER, NUMBER)
+@inner_kernel
 def by_round(
     p: Xyz, u: Xyz, length: float, start: Xyz, end: Xyz, radius: float, least: float
 ) -> Effect:
@@ -457,7 +457,7 @@ def by_round(
     return force, lever, potential
 
 
-@compiled(XYZ, XYZ, NUMBER, XYZ, MATRIX, XYZ, NUMBER)
+@inner_kernel
 def by_box(p: Xyz, u: Xyz, length: float, centre: Xyz, R: Array, half: Xyz, least: float) -> Effect:
     """Return what a box with attitude R (3, 3) does to a link.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.cell import ResolveSection
-from ..compiled import COUNT, FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled, record
+from ..compiled import COUNT, FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled, inner_kernel, record
 from ..spatial import Array
 from .svd import svd
 
@@ -35,7 +35,7 @@ NO_COMMAND = 1e-9
 """A command along a direction is none below this [m/s]."""
 
 
-@compiled(NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def damped_gain(sigma: float, region: float, damping: float) -> float:
     """Return joint rate per tool rate along a direction [1/m]."""
     if sigma >= region:
@@ -49,13 +49,13 @@ def full_gain(sigma: float, region: float, damping: float) -> float:
     return damped_gain(max(sigma, damping), region, damping)
 
 
-@compiled(NUMBER, NUMBER)
+@inner_kernel
 def _below(sigma: float, floor: float) -> float:
     """Return how far a singular value is below the floor: 0 there, 1 from half of it."""
     return min(1.0, max(0.0, 2.0 * (1.0 - sigma / floor)))
 
 
-@compiled(VECTOR, COUNT, NUMBER)
+@inner_kernel
 def _all_below(sigma: Array, rank: int, floor: float) -> Array:
     """Return how far directions (6,) are below the floor.
 

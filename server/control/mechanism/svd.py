@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..compiled import COUNT, MATRIX, NUMBER, ROW, TABLE, compiled
+from ..compiled import MATRIX, NUMBER, ROW, TABLE, compiled, inner_kernel
 from ..spatial import Array
 
 _ORTHOGONAL = 1e-15
@@ -24,7 +24,7 @@ _PASSES = 40
 """Far more passes over all pairs of rows than any matrix takes; six are usual [1]."""
 
 
-@compiled(MATRIX, COUNT)
+@inner_kernel
 def _size(rows: Array, i: int) -> float:
     total = 0.0
     for k in range(rows.shape[1]):
@@ -32,7 +32,7 @@ def _size(rows: Array, i: int) -> float:
     return math.sqrt(total)
 
 
-@compiled(MATRIX, NUMBER)
+@inner_kernel
 def _orthogonal_rows(A: Array, length: float) -> tuple[Array, Array, Array]:
     """Return an orthogonal U (m, m), Uᵀ A (m, n), whose rows are orthogonal, and their sizes.
 
@@ -74,7 +74,7 @@ def _orthogonal_rows(A: Array, length: float) -> tuple[Array, Array, Array]:
     return U, rows, size
 
 
-@compiled(TABLE, COUNT)
+@inner_kernel
 def _complete(basis: Array, count: int) -> None:
     """Make the next row of a basis (n, n) a unit vector that is orthogonal to the first ones."""
     n = len(basis)

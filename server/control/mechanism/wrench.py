@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled
+from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
 from ..scene import Moved
 from ..spatial import GRAVITY, Array, Pose, wrench_to
 
@@ -186,7 +186,7 @@ def _held(load: Array, acceleration: Array) -> Array:
     return out
 
 
-@compiled(MATRIX, VECTOR, MATRIX, VECTOR, ARRAY3, STACK)
+@inner_kernel
 def _follow(
     R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array, out: Array
 ) -> None:
@@ -206,7 +206,7 @@ def _follow(
                 out[s, i, j] = places[s - 1, i, j]
 
 
-@compiled(MATRIX, VECTOR, VECTOR, ARRAY3, VECTOR, NUMBER)
+@inner_kernel
 def _unladen(
     calibration: Array, sample: Array, load: Array, places: Array, free_fall: Array, older: float
 ) -> Array:
@@ -223,7 +223,7 @@ def _unladen(
     return out
 
 
-@compiled(VECTOR, ARRAY3, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _inertial(load: Array, places: Array, ahead: float, period_s: float, bound: float) -> Array:
     """Return the wrench (6,) that accelerates the payload, the trend carried `ahead` periods on.
 

@@ -24,6 +24,7 @@ from ..compiled import (
     TABLE,
     VECTOR,
     compiled,
+    inner_kernel,
 )
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
@@ -383,7 +384,7 @@ def _lever(placed: PlacedArrays, moves: Flags, prismatic: Flags, lever: Array) -
             lever[c, j] = math.sqrt(farthest)
 
 
-@compiled(MATRIX, VECTOR)
+@inner_kernel
 def travel(lever: Array, way: Array) -> Array:
     """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
 

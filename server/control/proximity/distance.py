@@ -8,8 +8,6 @@ import numpy as np
 from ..compiled import (
     ARRAY3,
     ARRAY4,
-    ATTITUDE,
-    COUNT,
     COUNTS,
     FLAGS,
     FLAGS2,
@@ -19,8 +17,8 @@ from ..compiled import (
     ROW,
     TABLE,
     VECTOR,
-    XYZ,
     compiled,
+    inner_kernel,
     record,
 )
 from ..scene import Flags, Index, Scene
@@ -81,17 +79,17 @@ _PARALLEL = 1e-12
 _TINY = 1e-300
 
 
-@compiled(MATRIX, COUNT)
+@inner_kernel
 def _row(rows: Array, i: int) -> Point:
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@compiled(ARRAY4, COUNT, COUNT, COUNT)
+@inner_kernel
 def _node(ends: Array, s: int, c: int, e: int) -> Point:
     return ends[s, c, e, 0], ends[s, c, e, 1], ends[s, c, e, 2]
 
 
-@compiled(ARRAY3, COUNT)
+@inner_kernel
 def _attitude(R: Array, i: int) -> Attitude:
     return (
         (R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]),
@@ -100,47 +98,47 @@ def _attitude(R: Array, i: int) -> Attitude:
     )
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _minus(a: Point, b: Point) -> Point:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled(XYZ, XYZ, NUMBER)
+@inner_kernel
 def _further(a: Point, u: Point, t: float) -> Point:
     return a[0] + t * u[0], a[1] + t * u[1], a[2] + t * u[2]
 
 
-@compiled(XYZ, NUMBER)
+@inner_kernel
 def _times(a: Point, factor: float) -> Point:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _cross(a: Point, b: Point) -> Point:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled(XYZ)
+@inner_kernel
 def _length(a: Point) -> float:
     return math.sqrt(_dot(a, a))
 
 
-@compiled(NUMBER)
+@inner_kernel
 def _part(t: float) -> float:
     return min(max(t, 0.0), 1.0)
 
 
-@compiled(ATTITUDE, XYZ)
+@inner_kernel
 def _turned(R: Attitude, a: Point) -> Point:
     return _dot(R[0], a), _dot(R[1], a), _dot(R[2], a)
 
 
-@compiled(ATTITUDE, XYZ)
+@inner_kernel
 def _turned_back(R: Attitude, a: Point) -> Point:
     return _further(_further(_times(R[0], a[0]), R[1], a[1]), R[2], a[2])
 
@@ -148,7 +146,7 @@ def _turned_back(R: Attitude, a: Point) -> Point:
 # --- a segment and a segment -----------------------------------------------------------------
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def _between_segments(a: Point, u: Point, c: Point, v: Point) -> tuple[float, float]:
     """Return where a + s u and c + t v are nearest: s and t (after Ericson 2005, section 5.1.9)."""
     r = _minus(a, c)
@@ -161,7 +159,7 @@ def _between_segments(a: Point, u: Point, c: Point, v: Point) -> tuple[float, fl
     return _part((uv * t - ur) / max(uu, _TINY)), t
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _across(u: Point, v: Point) -> Point:
     """Return a unit vector across both u and v, or across u where they are parallel."""
     n = _cross(u, v)
@@ -175,7 +173,7 @@ def _across(u: Point, v: Point) -> Point:
     return _times(n, 1.0 / length) if length > 0.0 else (0.0, 0.0, 1.0)
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def _from_segment(a: Point, u: Point, c: Point, v: Point) -> tuple[float, Point, float]:
     """Return how far a + s u is from c + t v: the distance, the normal, and s."""
     s, t = _between_segments(a, u, c, v)
@@ -184,7 +182,7 @@ def _from_segment(a: Point, u: Point, c: Point, v: Point) -> tuple[float, Point,
     return distance, _times(out, 1.0 / distance) if distance >= TOUCHING else _across(u, v), s
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def _from_segment_at_least(a: Point, u: Point, c: Point, v: Point) -> float:
     middles = _length(_minus(_further(a, u, 0.5), _further(c, v, 0.5)))
     return middles - 0.5 * (_length(u) + _length(v))
@@ -193,7 +191,7 @@ def _from_segment_at_least(a: Point, u: Point, c: Point, v: Point) -> float:
 # --- a segment and a box, in the axes of the box ---------------------------------------------
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _beyond(x: Point, half: Point) -> Point:
     """Return how far a point is beyond the sides of a box, along each axis."""
     return (
@@ -203,12 +201,12 @@ def _beyond(x: Point, half: Point) -> Point:
     )
 
 
-@compiled(NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _passing(p: float, u: float, side: float) -> float:
     return _part((side - p) / u) if abs(u) > _TINY else 0.0
 
 
-@compiled(XYZ, XYZ, XYZ)
+@inner_kernel
 def _beside_box(p: Point, u: Point, half: Point) -> float:
     """Return t, 0 to 1, where p + t u is nearest to a box; the middle of many such places.
 
@@ -236,14 +234,14 @@ def _beside_box(p: Point, u: Point, half: Point) -> float:
     return last + (first - last) / (1.0 - up / down)
 
 
-@compiled(XYZ, XYZ, XYZ, XYZ)
+@inner_kernel
 def _depth(p: Point, u: Point, half: Point, n: Point) -> float:
     """Return how far along a unit vector n a segment is inside a box."""
     size = abs(n[0]) * half[0] + abs(n[1]) * half[1] + abs(n[2]) * half[2]
     return size - min(_dot(n, p), _dot(n, _further(p, u, 1.0)))
 
 
-@compiled(XYZ, XYZ, XYZ)
+@inner_kernel
 def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
     """Return the shortest way out for a segment that cuts a box: separating axes, one by one.
 
@@ -266,7 +264,7 @@ def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
     return least, way, 1.0 if along < 0.0 else 0.0
 
 
-@compiled(XYZ, XYZ, ATTITUDE, XYZ, XYZ)
+@inner_kernel
 def _from_box(
     a: Point, u: Point, R: Attitude, centre: Point, half: Point
 ) -> tuple[float, Point, float]:
@@ -281,7 +279,7 @@ def _from_box(
     return -depth, _turned(R, way), s
 
 
-@compiled(XYZ, XYZ, ATTITUDE, XYZ, XYZ)
+@inner_kernel
 def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Point) -> float:
     middle = _turned_back(R, _minus(_further(a, u, 0.5), centre))
     distance = _length(_beyond(middle, half)) - 0.5 * _length(u)
@@ -291,7 +289,7 @@ def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Poi
 # --- many pairs ------------------------------------------------------------------------------
 
 
-@compiled(ARRAY4, COUNT, COUNT, COUNT, NUMBER, OBSTACLES)
+@inner_kernel
 def _pair(
     ends: Array, s: int, first: int, second: int, within: float, obstacles: Obstacles
 ) -> tuple[float, Point, Point]:
@@ -375,7 +373,7 @@ def apart(points: Array, scene: Scene) -> Apart:
     return Apart(*_apart(points, scene.segments, scene.rounds.radius, scene.rounds.line, reach))
 
 
-@compiled(XYZ, XYZ, XYZ)
+@inner_kernel
 def _from_axis(x: Point, start: Point, end: Point) -> tuple[float, Point]:
     """Return the distance of a point from a segment, and the normal."""
     away = (x[0] - start[0], x[1] - start[1], x[2] - start[2])
@@ -387,7 +385,7 @@ def _from_axis(x: Point, start: Point, end: Point) -> tuple[float, Point]:
     return distance, (away[0] / size, away[1] / size, away[2] / size)
 
 
-@compiled(XYZ, XYZ)
+@inner_kernel
 def _point_from_box(x: Point, half: Point) -> tuple[float, Point]:
     """Return the distance of a point from a box, and the normal, in the axes of the box."""
     beyond = (abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2])
@@ -462,7 +460,7 @@ class NearestPoints(NamedTuple):
     """On the first thing (k, 3) [m]."""
 
 
-@compiled(MATRIX, PAIRS, VECTOR, NUMBER, VECTOR, MOTION, ROW, ROW, ROW, ROW, COUNTS)
+@inner_kernel
 def _face(
     normal: Array, pairs: Pairs, link_radius: Array, own_clearance: float, radius: Array,
     motion: Motion, radii: Array, promise: Array, nearer: Array, comes: Array, obstacle: Index,

@@ -6,7 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import ARRAY3, FLAG, INDEX, NUMBER, ROW, STACK, TABLE, VECTOR, compiled
+from ..compiled import (
+    ARRAY3,
+    FLAG,
+    INDEX,
+    NUMBER,
+    ROW,
+    STACK,
+    TABLE,
+    VECTOR,
+    compiled,
+    inner_kernel,
+)
 from ..scene import Index
 from ..spatial import Array, Motion
 
@@ -26,7 +37,7 @@ _INSTANT = 1e-12
 """Durations below this are rounding [s]."""
 
 
-@compiled(NUMBER, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _shortest(change: float, a: float, bound: float, jerk: float) -> float:
     """Return the least duration [s] of a change of velocity from an acceleration 0 ≤ a ≤ bound."""
     sense = 1.0 if change >= a * a / (2.0 * jerk) else -1.0  # beside what ramping to zero gives
@@ -37,7 +48,7 @@ def _shortest(change: float, a: float, bound: float, jerk: float) -> float:
     return (2.0 * bound - sense * a) / jerk + held_s
 
 
-@compiled(NUMBER, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _plateau(change: float, a: float, jerk: float, duration: float) -> float:
     """Return the acceleration that is held, so that the change takes a duration [s]; a ≥ 0."""
     stopping, reach = a * a / (2.0 * jerk), jerk * duration
@@ -52,7 +63,7 @@ def _plateau(change: float, a: float, jerk: float, duration: float) -> float:
     return size if change >= stopping else -size
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, FLAG, STACK)
+@inner_kernel
 def _plan(
     dq: Array,
     ddq: Array,
@@ -95,7 +106,7 @@ def _plan(
         phases[0, 3, i], phases[1, 3, i] = down_s, -mirror * math.copysign(j, held)
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, ARRAY3, NUMBER, TABLE)
+@inner_kernel
 def _go_along(
     q: Array, dq: Array, ddq: Array, target: Array, phases: Array, t: float, out: Array
 ) -> None:
@@ -317,13 +328,13 @@ _LEAST_RAMP = 0.05
 """Each ramp of a stop in proportion takes at least this part of it [1]."""
 
 
-@compiled(NUMBER, NUMBER, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _held(dq: float, ddq: float, up_s: float, hold_s: float, down_s: float) -> float:
     """Return the acceleration that is held on a stop: ramp to it, hold it, ramp to zero."""
     return -(dq + 0.5 * up_s * ddq) / (0.5 * up_s + hold_s + 0.5 * down_s)
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _keeps(
     dq: Array,
     ddq: Array,

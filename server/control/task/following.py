@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.schema.sources import FollowingSection
-from ..compiled import MATRIX, NUMBER, VECTOR, compiled
+from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..spatial import Array, Pose, moved_near, pose_error, right_jacobian, slowed_at
 from .source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
 
@@ -181,7 +181,7 @@ def _blended(wrench: Array, R: Array, before: Array, force: float, moment: float
     return new
 
 
-@compiled(VECTOR, VECTOR, NUMBER, NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def _felt(
     wrench: Array, untold: Array,
     dead_force: float, dead_moment: float, most_force: float, most_moment: float,

@@ -20,6 +20,7 @@ from ...control.compiled import (
     TABLE,
     VECTOR,
     compiled,
+    inner_kernel,
 )
 from ...control.proximity.capsules import Capsules
 from ...control.scene import Flags
@@ -67,7 +68,7 @@ def own_rays(time_s: Array, points: Array, knots: Knots, reach: Array) -> Flags:
     return own
 
 
-@compiled(NUMBER, VECTOR, COUNT)
+@inner_kernel
 def _between(time_s: float, knot_s: Array, k: int) -> tuple[int, int, float]:
     """Return the knots before and behind an instant, from knot k on, and its share of the way."""
     last = knot_s.shape[0] - 1
