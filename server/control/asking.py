@@ -54,7 +54,8 @@ class Stages:
             p.limits.acceleration,
         )
         self.wrist = Wrist(contact, p.payload, T)
-        self.redundancy = Redundancy(joints, mechanism, p.redundancy, p.pull_posture)
+        dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+        self.redundancy = Redundancy(joints, dynamics, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
         self.body = build(p, mechanism, self.redundancy, field)
         room = JointLimits.of(joints, T)
@@ -499,6 +500,7 @@ class ArmController:
             inputs.drive,
             insertion,
             following,
+            None if self.p.T_wrist_sensor is None else inputs.settings.payload or self.p.payload,
         )
         found = self.stages.body.rates(q, k, request, around)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)

@@ -26,6 +26,8 @@ class Joints(NamedTuple):
     """How far the command may be ahead of a joint [rad]."""
     following_window: Array
     """How far a drive lets its joint fall behind before it faults [rad]."""
+    rated_torque: Array
+    """[N·m]"""
 
     @staticmethod
     def of_all(each: "Sequence[Joints]") -> "Joints":

@@ -121,6 +121,7 @@ class Parameters:
                 jerk=np.array([d.max_jerk for d in ordered]),
                 leash=np.array([d.leash for d in ordered]),
                 following_window=np.array([d.following_window for d in ordered]),
+                rated_torque=np.array([d.rated_torque for d in ordered]),
             ),
             limits=c.limits,
             resolve=c.resolve,

@@ -13,8 +13,10 @@ import numpy as np
 from ....config.load import Cell
 from ..mechanism.field import Field, FieldReading, shifted
 from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.objectives import View
 from ..mechanism.redundancy import Near, ObjectiveGains, Redundancy, SelfMotion
 from ..mechanism.resolution import Resolved, Travel, resolve
+from ..mechanism.wrench import Payload
 from ..parameters import Parameters
 from ..proximity.capsules import Placed
 from ..scene import Scene
@@ -103,6 +105,8 @@ class RateRequest(NamedTuple):
     """Where along its curve it was a tick ago."""
     following: tuple[Array, Array] | None = None
     """Joints (n,) as commanded and as measured at one instant [rad]."""
+    payload: Payload | None = None
+    """What hangs on the force/torque sensor; None without one."""
 
 
 class Environment(NamedTuple):
@@ -213,9 +217,9 @@ class Resolver:
             outside = {} if downhill is None else {"field": downhill}
             if self._priority is not None and near is not None:
                 outside["spheres"] = self._priority.rates(near, plain)
-            self_motion = self._redundancy.rate(
-                q, J, dq, task.null, request.objectives, request.speed_factor, outside, D
-            )
+            posture, length = request.objectives.posture, self._section.characteristic_length
+            view = View(q, J, dq, task.null, posture, outside, request.payload, length)
+            self_motion = self._redundancy.rate(view, request.objectives, request.speed_factor, D)
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
         return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)

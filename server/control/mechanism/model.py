@@ -247,7 +247,7 @@ class Dynamics:
     def __init__(
         self, mechanism: Mechanism, rotor_inertia: Array, T_wrist_sensor: Pose | None = None
     ) -> None:
-        self._mechanism = mechanism
+        self.mechanism = mechanism
         R = mechanism.T_world_base.R
         self._model = pin.Model(mechanism.model)
         self._model.armature = rotor_inertia
@@ -311,6 +311,11 @@ class Dynamics:
         inertia = M.diagonal().copy()
         return pin.computeGeneralizedGravity(self._model, self._data, q).copy(), inertia
 
+    def gravity(self, q: Array) -> tuple[Array, Array]:
+        """Return the torques (n,) [N·m] that hold the joints at q (n,) [rad], and ∂g/∂q (n, n)."""
+        slope = pin.computeGeneralizedGravityDerivatives(self._model, self._data, q)
+        return self._data.g.copy(), np.array(slope)
+
     def sensor_jacobian(self, q: Array) -> Array:
         """Return the Jacobian (6, n) of the Sensor frame, at its origin and in its own axes."""
         axes = pin.ReferenceFrame.LOCAL
@@ -329,11 +334,11 @@ class Dynamics:
 
     def down(self, q: Array) -> Array:
         """Return which way things fall (3,), in the Wrist's axes, of a Base that stands."""
-        return np.asarray(-self._mechanism.pose_wrist(q).R[2])
+        return np.asarray(-self.mechanism.pose_wrist(q).R[2])
 
     def kinematics(self, q: Array, T_wrist_mrf: Pose) -> Kinematics:
         """Return the frames and the Jacobian of the MRF at q (n,) [rad]."""
-        return self._mechanism.kinematics(q, T_wrist_mrf)
+        return self.mechanism.kinematics(q, T_wrist_mrf)
 
 
 class RollingDynamics(Dynamics):

@@ -7,17 +7,22 @@ from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
+from ....config.schema.null_space import RedundancySection
 from ..compiled import MATRIX, ROW, VECTOR, compiled
 from ..joints import Joints
 from ..spatial import Array
-from .model import Mechanism
+from .model import Dynamics
 from .potentials import manipulability_slope
+from .wrench import Payload
+
+NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
+"""Rates of the objectives that look at obstacles, where none does."""
 
 # --- Protocol of redundancy objectives: joint rates at a gain of 1, for what one tick shows them
 #
 # An objective is one class here, one row in `KINDS` and one field of the cell file's
-# `[redundancy]`. It knows its mechanism, and neither sources nor barriers nor other
-# objectives.
+# `[redundancy]`. It knows the joints, the mechanism with its dynamics and its own section, and
+# neither sources nor barriers nor other objectives.
 
 
 class View(NamedTuple):
@@ -33,8 +38,12 @@ class View(NamedTuple):
     """Orthonormal rows (n − rank, n) that span the spare motions."""
     posture: Array
     """Joint angles (n,) that the posture objective pulls to [rad]."""
-    outside: Mapping[str, Array]
+    outside: Mapping[str, Array] = NOTHING
     """Joint rates (n,) that obstacles ask for at a gain of 1, by the objective's name."""
+    payload: Payload | None = None
+    """What hangs on the force/torque sensor; None: the URDF's tool."""
+    length: float = 1.0
+    """Weight of radians against metres [m]."""
 
 
 class Objective(ABC):
@@ -43,8 +52,10 @@ class Objective(ABC):
     WHOLE: ClassVar[bool] = False
     """Its rates are taken as they are, and their twist off that of the source of its name."""
 
-    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:  # noqa: B027 (most need no more)
-        """Build it for one mechanism."""
+    def __init__(  # noqa: B027 (most need no more)
+        self, joints: Joints, dynamics: Dynamics, section: RedundancySection
+    ) -> None:
+        """Build it for one mechanism; it may tell its `dynamics` what they carry."""
 
     @abstractmethod
     def rate(self, view: View) -> Array:
@@ -65,8 +76,8 @@ _POSTURES: Final = 200
 class GravityTorque(Objective):
     """Relieves the joints of weight."""
 
-    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        self._mechanism = mechanism = dynamics.mechanism
         draw = np.random.default_rng(0)
         postures = draw.uniform(joints.lower, joints.upper, (_POSTURES, joints.n))
         most2 = max(float(g @ g) for g, _ in map(mechanism.gravity, postures))
@@ -93,8 +104,8 @@ _MASSLESS: Final = 1e-9
 class LeastEnergy(Objective):
     """Saves kinetic energy of the motion that the task asks for."""
 
-    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        self._mechanism = dynamics.mechanism
 
     def rate(self, view: View) -> Array:
         """Return the joint rates (n,) that lead to the least energy at a gain of 1 [rad/s]."""
@@ -145,8 +156,8 @@ def _save(dq_task: Array, null: Array, M: Array, z: Array) -> None:
 class Manipulability(Objective):
     """Climbs manipulability."""
 
-    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
-        self._rank = mechanism.rank
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        self._rank = dynamics.mechanism.rank
 
     def rate(self, view: View) -> Array:
         """Return the slope (n,) of manipulability as joint rates, for a gain of 1 /s."""
@@ -162,7 +173,7 @@ WIDEST = np.pi
 class MidRange(Objective):
     """A spring to mid-range, weaker for joints with more room."""
 
-    def __init__(self, joints: Joints, mechanism: Mechanism) -> None:
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
         self._middle = 0.5 * (joints.lower + joints.upper)
         half = np.minimum(0.5 * (joints.upper - joints.lower), WIDEST)
         self._weight = half.min() / half

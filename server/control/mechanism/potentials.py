@@ -90,6 +90,13 @@ def manipulability_slope(J: Array, rank: int = 6) -> tuple[float, Array]:
     return w, found
 
 
+def slope_of(J: Array, F: Array) -> Array:
+    """Return ∂f/∂q (n,) of a function f of a chain's Jacobian J (6, n), from F = ∂f/∂J (6, n)."""
+    found = np.zeros(J.shape[1])
+    _slope(J, 1.0, F, found)
+    return found
+
+
 def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
     """Return w and G (6, n) of a Jacobian J (6, n) on as many axes as are reached."""
     U, s, Vt = svd(J)
@@ -100,7 +107,7 @@ def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
 
 @compiled(MATRIX, NUMBER, MATRIX, ROW)
 def _slope(J: Array, w: float, G: Array, found: Array) -> None:
-    """Write ∂w/∂q (n,) of a Jacobian J (6, n) with manipulability w and G (6, n)."""
+    """Write w tr(Gᵀ ∂_kJ) (n,) of a Jacobian J (6, n) with manipulability w and G (6, n)."""
     n = J.shape[1]
     x = y = z = 0.0
     for j in range(n):  # Σ_{j<k} g_j × ω_j

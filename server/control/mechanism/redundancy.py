@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -14,16 +13,13 @@ from ..joints import Joints
 from ..proximity.pairs import ControlPointDistances, ControlPoints
 from ..scene import Scene
 from ..spatial import Array, Pose
-from .model import Mechanism
+from .model import Dynamics
 from .objectives import KINDS, View
 
 # --- Motion of the spare degrees of freedom: the objectives' rates, summed, projected and bounded
 #
 # Williams 1997, eq. 7: dq = J⁺ẋ + (I − J⁺J) z. Every objective has a gain, which is ramped like
 # the sources' gains; one whose gain is zero is not computed.
-
-NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
-"""Rates of the objectives that look at obstacles, where none does."""
 
 _NONE: Final = 1e-12
 """Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
@@ -50,11 +46,11 @@ class Redundancy:
     """Composes the objectives of one mechanism."""
 
     def __init__(
-        self, joints: Joints, mechanism: Mechanism, section: RedundancySection, pull_posture: Array
+        self, joints: Joints, dynamics: Dynamics, section: RedundancySection, pull_posture: Array
     ) -> None:
         """Build it from the cell's section; the posture objective pulls to `pull_posture` (n,)."""
-        self._objectives = {name: kind(joints, mechanism) for name, kind in KINDS.items()}
-        self._spare = joints.n > mechanism.rank
+        self._objectives = {n: kind(joints, dynamics, section) for n, kind in KINDS.items()}
+        self._spare = joints.n > dynamics.mechanism.rank
         self._velocity = joints.velocity
         self._bound = section.max_rate * joints.velocity
         self.objectives = ObjectiveGains(section.gains, pull_posture)
@@ -84,22 +80,13 @@ class Redundancy:
         return ObjectiveGains(gains, now.posture + part * away)
 
     def rate(
-        self,
-        q: Array,
-        J: Array,
-        dq_task: Array,
-        null: Array,
-        objectives: ObjectiveGains,
-        factor: float,
-        outside: Mapping[str, Array] = NOTHING,
-        scale: Array | None = None,
+        self, view: View, objectives: ObjectiveGains, factor: float, scale: Array | None = None
     ) -> SelfMotion:
-        """Return the self-motion at q (n,), with J (6, n) and the task's rates (n,).
+        """Return the self-motion in one tick's `view`.
 
-        `null` (n − rank, n) has orthonormal rows that span the spare motions; `factor` is the
-        reduced-speed setting, which scales the bound of the self-motion; `outside` holds what the
-        objectives that look at obstacles ask for (n,) at a gain of 1. Of all that, the task leaves
-        s room: the most with |dq_task + s dq| ≤ V, so that no self-motion slows the tool.
+        `factor` is the reduced-speed setting, which scales the bound of the self-motion. Of what
+        the objectives ask for, the task leaves s room: the most with |dq_task + s dq| ≤ V, so that
+        no self-motion slows the tool.
 
         Joints that share the work unequally, as `scale` D (n,) says, have `null` of J D: then the
         projector is the oblique D nullᵀ null D⁻¹. Wheels of a base have no wishes of their own.
@@ -107,8 +94,8 @@ class Redundancy:
         names, gains = self._act(objectives)
         if not self._spare or not names:
             return self._none
-        view = View(q, J, dq_task, null, objectives.posture, outside)
-        asked, dq, norms = np.empty((len(names), len(q))), np.zeros(len(q)), np.zeros(len(names))
+        n, dq_task, null = len(view.q), view.dq_task, view.null
+        asked, dq, norms = np.empty((len(names), n)), np.zeros(n), np.zeros(len(names))
         for i, name in enumerate(names):
             asked[i] = self._objectives[name].rate(view)
         if scale is None:

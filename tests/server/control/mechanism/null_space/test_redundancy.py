@@ -3,6 +3,8 @@ import pytest
 from telerobot.config.load import altered
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.mechanism.model import Dynamics
+from telerobot.server.control.mechanism.objectives import View
 from telerobot.server.control.mechanism.potentials import manipulability_slope
 from telerobot.server.control.mechanism.redundancy import ObjectiveGains, Redundancy
 from telerobot.server.control.parameters import Parameters
@@ -22,7 +24,8 @@ def swung(pa10, start):
 
 
 def redundancy_of(p, mechanism):
-    return Redundancy(p.joints, mechanism, p.redundancy, p.pull_posture)
+    dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+    return Redundancy(p.joints, dynamics, p.redundancy, p.pull_posture)
 
 
 def objectives(run, to="ready", **gains):
@@ -116,7 +119,9 @@ def test_self_motion_is_the_projected_sum_as_far_as_its_bound_and_the_task_leave
         asked = {name: size * rng.normal(size=7) for name in ("field", "spheres")}
         gains = {"field": 0.7, "spheres": 1.3, "posture": 2.0}
         objectives = ObjectiveGains(OFF | gains, np.zeros(7))
-        found = redundancy.rate(q, J, dq_task, null, objectives, factor, asked)
+        found = redundancy.rate(
+            View(q, J, dq_task, null, objectives.posture, asked), objectives, factor
+        )
         P = np.eye(7) - np.linalg.pinv(J) @ J
         parts = {name: gains[name] * P @ z for name, z in (asked | {"posture": -q}).items()}
         free = sum(parts.values())

@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.server.control.mechanism.objectives import KINDS
 
-from .shown import shown
+from .shown import built, shown
 
 
 def test_every_gain_has_its_objective_in_the_order_of_the_sum():
@@ -14,7 +14,7 @@ def test_every_gain_has_its_objective_in_the_order_of_the_sum():
 
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_it_asks_for_rates_of_all_joints_and_for_the_same_ones_again(name, pa10, rng):
-    objective = KINDS[name](pa10.p.joints, pa10.mechanism)
+    objective = built(KINDS[name], pa10.p.joints, pa10.mechanism)
     for _ in range(5):
         q = pa10.random_posture(rng)
         J = pa10.mechanism.kinematics(q, pa10.settings.T_wrist_mrf).J

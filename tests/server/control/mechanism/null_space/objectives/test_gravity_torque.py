@@ -10,7 +10,7 @@ from telerobot.server.control.mechanism.objectives import GravityTorque
 from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose, rotation_rpy
 
-from ..shown import shown
+from ..shown import built, shown
 
 HUNG = Pose(rotation_rpy(np.pi / 2, 0.3, 0.0), np.array([0.1, 0.2, 0.3]))
 
@@ -30,7 +30,7 @@ def test_it_goes_downhill_in_the_square_of_gravity_torques_however_base_is_mount
     mechanism = mounted(arm, base)
     model = pin.Model(mechanism.model)
     model.gravity.linear = base.R.T @ np.array([0.0, 0.0, -9.81])
-    objective, n, h = GravityTorque(arm.p.joints, mechanism), arm.p.n, 1e-5
+    objective, n, h = built(GravityTorque, arm.p.joints, mechanism), arm.p.n, 1e-5
     for _ in range(5):
         q = arm.random_posture(rng)
         slope = np.empty(n)
@@ -48,7 +48,7 @@ def test_it_goes_downhill_in_the_square_of_gravity_torques_however_base_is_mount
 def test_an_arm_without_weight_asks_for_nothing(pa10, rng):
     mechanism = mounted(pa10, Pose.identity())
     mechanism.model.gravity.linear = np.zeros(3)
-    objective = GravityTorque(pa10.p.joints, mechanism)
+    objective = built(GravityTorque, pa10.p.joints, mechanism)
     assert not objective.rate(shown(pa10.random_posture(rng))).any()
 
 

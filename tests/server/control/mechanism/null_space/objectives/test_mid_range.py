@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from telerobot.server.control.mechanism.objectives import MidRange
 
-from ..shown import joints, shown
+from ..shown import built, joints, shown
 
 LOWER, UPPER = np.array([-1.0, -2.0, 0.0, -20.0]), np.array([1.0, 2.0, 4.0, 20.0])
 MIDDLE = np.array([0.0, 0.0, 2.0, 0.0])
@@ -10,7 +10,7 @@ MIDDLE = np.array([0.0, 0.0, 2.0, 0.0])
 
 @pytest.fixture
 def objective(pa10):
-    return MidRange(joints(LOWER, UPPER), pa10.mechanism)
+    return built(MidRange, joints(LOWER, UPPER), pa10.mechanism)
 
 
 def test_every_joint_is_drawn_to_the_middle_of_its_range(objective, rng):
@@ -30,7 +30,7 @@ def test_self_motion_goes_to_mid_range_and_leaves_the_tool_where_it_is(pa10, sta
     swung = pa10.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0])
     run = start(pa10, swung)
     middle = 0.5 * (pa10.p.joints.lower + pa10.p.joints.upper)
-    pull = MidRange(pa10.p.joints, pa10.mechanism)
+    pull = built(MidRange, pa10.p.joints, pa10.mechanism)
 
     def strain():
         """What the pull is the downward slope of."""
