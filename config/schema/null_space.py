@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from .section import Name, Section, Vector3
 
@@ -138,6 +138,21 @@ class ObjectivesSection(Section):
     gravity_torque: float = Field(
         0.0, ge=0, le=10, description="to postures in which joints carry less weight [1/s]"
     )
+    holding_torque: float = Field(
+        0.0,
+        ge=0,
+        le=100,
+        description="to postures that hold arm and payload with less of the drives' ratings [1/s]",
+    )
+    sigma_min: float = Field(
+        0.0, ge=0, le=100, description="uphill in the least singular value [1/(m·s)]"
+    )
+    condition: float = Field(
+        0.0, ge=0, le=100, description="uphill in least by greatest singular value [1/s]"
+    )
+    along: float = Field(
+        0.0, ge=0, le=100, description="uphill in manipulability along along_direction [1/(m·s)]"
+    )
     reflex: float = Field(
         1.0, ge=0, le=1, description="share of folding to pass below what is ahead [1]"
     )
@@ -160,9 +175,19 @@ class RedundancySection(ObjectivesSection):
     """Use of the null space; each gain 0 switches its objective off."""
 
     posture_name: Name = Field("ready", description="posture that the joints are pulled to")
+    along_direction: Vector3 = Field(
+        (0.0, 0.0, 1.0), description="that redundancy.along counts, either way, in World [1]"
+    )
     max_rate: float = Field(
         0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
     )
+
+    @field_validator("along_direction")
+    @classmethod
+    def _points_somewhere(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+        if sum(x * x for x in axis) < 1e-12:
+            raise ValueError("must point somewhere, but is no longer than 1e-6")
+        return axis
 
     @property
     def gains(self) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """Redundancy objectives: joint rates at a gain of 1, one row each by the name of its gain."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -12,7 +13,8 @@ from ..compiled import MATRIX, ROW, VECTOR, compiled
 from ..joints import Joints
 from ..spatial import Array
 from .model import Dynamics
-from .potentials import manipulability_slope
+from .potentials import manipulability_slope, slope_of
+from .svd import svd
 from .wrench import Payload
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
@@ -89,6 +91,28 @@ class GravityTorque(Objective):
         return np.asarray(-self._weight * (g @ slope))
 
 
+class HoldingTorque(Objective):
+    """Relieves the drives of arm and payload: downhill in ½ Σ (gᵢ / ratedᵢ)².
+
+    In parts of the greatest that random postures need with the URDF's tool.
+    """
+
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        self._dynamics, self._rated = dynamics, joints.rated_torque
+        draw = np.random.default_rng(0)
+        postures = draw.uniform(joints.lower, joints.upper, (_POSTURES, joints.n))
+        each = (dynamics.gravity(q)[0] / self._rated for q in postures)
+        most2 = max(float(load @ load) for load in each)
+        self._weight = 1.0 / most2 if most2 > 0.0 else 0.0
+
+    def rate(self, view: View) -> Array:
+        """Return the joint rates (n,) downhill, for a gain of 1 /s [rad/s]."""
+        if view.payload is not None:
+            self._dynamics.carry(view.payload.mass, view.payload.com)
+        g, slope = self._dynamics.gravity(view.q)
+        return np.asarray(-self._weight * (g / self._rated**2) @ slope)
+
+
 # --- Move with the least kinetic energy: spare joints move along where that saves some ------------
 #
 # Of all joint rates that do the task, dq = J⁺ẋ + N z, those of least ½ dqᵀ M dq are the ones of
@@ -162,6 +186,91 @@ class Manipulability(Objective):
     def rate(self, view: View) -> Array:
         """Return the slope (n,) of manipulability as joint rates, for a gain of 1 /s."""
         return manipulability_slope(view.J, self._rank)[1]
+
+
+# --- Dexterity by singular values: the least, the least by the greatest, along one direction ------
+#
+# With the singular value decomposition Σ uᵢ σᵢ vᵢᵀ of J, rotations weighed by a length, ∂σᵢ/∂J =
+# uᵢ vᵢᵀ. Where two singular values cross, the least of them has no slope: a norm stands in for it,
+# least = (Σ σᵢ^−p)^(−1/p), which is up to 6^(1/p) less and smooth in J; so for the greatest. Only
+# axes that the mechanism reaches anywhere count (Klein and Blaho 1987).
+#
+# Along a unit vector e the tool goes, its other axes held, at most w = (eᵀ(J Jᵀ)⁻¹e)^(−½) with
+# joint rates of size 1 (Chiu 1988): with y = (J Jᵀ)⁻¹ e, ∂w/∂J = w³ y (Jᵀy)ᵀ.
+
+_NORM: Final = 16
+"""Power p of the norms that stand for least and greatest [1]."""
+_NEAREST: Final = 1e-7
+"""Singular values count no less: at a singularity slopes stay finite [m]."""
+_SIDEWAYS: Final = 1e-9
+"""Part of a direction that an arm does not reach, squared, which is rounding [1]."""
+
+
+class _Dexterity(Objective):
+    """Climbs a function of the tool's Jacobian."""
+
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        self._rank = dynamics.mechanism.rank
+
+    def rate(self, view: View) -> Array:
+        """Return the slope (n,) of the function as joint rates, for a gain of 1."""
+        return slope_of(view.J, self._value_and_slope(view)[1])
+
+    def value(self, view: View) -> float:
+        """Return the function that it climbs."""
+        return self._value_and_slope(view)[0]
+
+    @abstractmethod
+    def _value_and_slope(self, view: View) -> tuple[float, Array]:
+        """Return the function f, and ∂f/∂J (6, n)."""
+
+    def _least(self, view: View, power: int) -> tuple[float, Array]:
+        """Return the norm of the singular values that stands for the least, and its ∂/∂J (6, n).
+
+        For the greatest with a `power` below zero [m].
+        """
+        U, s, Vt = svd(view.J, view.length)
+        sigma = np.maximum(s[: self._rank], _NEAREST)
+        end = sigma[-1] if power > 0 else sigma[0]
+        value = end * float(((end / sigma) ** power).sum()) ** (-1.0 / power)
+        F = (U[:, : self._rank] * (value / sigma) ** (power + 1)) @ Vt[: self._rank]
+        F[3:] *= view.length
+        return value, F
+
+
+class LeastSingularValue(_Dexterity):
+    """Climbs the least singular value."""
+
+    def _value_and_slope(self, view: View) -> tuple[float, Array]:
+        return self._least(view, _NORM)
+
+
+class Condition(_Dexterity):
+    """Climbs the least singular value by the greatest: 1 is as quick in every direction."""
+
+    def _value_and_slope(self, view: View) -> tuple[float, Array]:
+        (least, F), (most, G) = self._least(view, _NORM), self._least(view, -_NORM)
+        return least / most, (F - least / most * G) / most
+
+
+class AlongDirection(_Dexterity):
+    """Climbs manipulability along a direction in World."""
+
+    def __init__(self, joints: Joints, dynamics: Dynamics, section: RedundancySection) -> None:
+        super().__init__(joints, dynamics, section)
+        self._e = np.zeros(6)
+        self._e[:3] = np.array(section.along_direction) / math.hypot(*section.along_direction)
+
+    def _value_and_slope(self, view: View) -> tuple[float, Array]:
+        U, s, _ = svd(view.J, view.length)
+        reached = U[:, : self._rank]
+        part = reached.T @ self._e
+        if float(part @ part) < 1.0 - _SIDEWAYS:  # a planar arm, at an angle to its plane
+            return 0.0, np.zeros(view.J.shape)
+        y = reached @ (part / np.maximum(s[: self._rank], _NEAREST) ** 2)
+        y[3:] *= view.length
+        w = float(self._e @ y) ** -0.5
+        return w, w**3 * np.outer(y, view.J.T @ y)
 
 
 # --- Keep joints near the middle of their range (Scott & Carignan 2008, eqs. 17–19, as a rate) ----
@@ -251,6 +360,10 @@ KINDS: Final = MappingProxyType[str, type[Objective]](
         "field": FieldDescent,
         "spheres": Spheres,
         "gravity_torque": GravityTorque,
+        "holding_torque": HoldingTorque,
+        "sigma_min": LeastSingularValue,
+        "condition": Condition,
+        "along": AlongDirection,
         "reflex": Folding,
     }
 )
