@@ -333,8 +333,11 @@ def _strength(push: Array, pushed: Pushed) -> float:
     """Return how hard a push (n,) [N·m] is, in bounds of the joint that it is hardest for; from 1.
 
     What comes on is given way to the quicker, the harder it pushes: at one rate for all it would
-    overtake the arm.
+    overtake the arm. Not where the tool was touched, which a stiff wall throws off within a tick or
+    two: at such a rate what is left of the joints' estimate would lead it back into the wall.
     """
+    if pushed.tool_bound is not None:
+        return 1.0
     return max(1.0, float((np.abs(push) / pushed.bound).max()))
 
 

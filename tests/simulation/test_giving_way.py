@@ -48,6 +48,15 @@ def test_a_tool_whose_load_nobody_acknowledged_lets_go_of_a_table(row):
     assert run.peak_n > 3 * letting_go.GENTLE_N
 
 
+@pytest.mark.parametrize("cell", ["pa10", "pa10_hand_torque"], ids=["touch", "no touch"])
+def test_a_tool_that_a_stiff_wall_throws_off_is_not_led_back_into_it(cell):
+    """At a rate that went by the push it came back with 224 N, over a second after the stop."""
+    row = (cell, "csp", 2e5, -5.0, ("stick", 0.02))
+    run = letting_go.play(doubted.doubted(doubted.TABLE.index(row)), held_s=1.5)
+    assert run.reasons == []
+    assert run.pressed_n == 0.0
+
+
 @pytest.mark.parametrize(
     "row",
     [
