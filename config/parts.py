@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from .errors import ConfigError, nearest, short
-from .schema.bus import Entry
+from .schema.bus import Entry, OnBusSection
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
 from .schema.rig import RigSection
+from .schema.section import Section
 
 # --- Tasks that several mechanisms of a cell file hold together, and that they fit the mechanisms
 
@@ -250,8 +251,8 @@ def _alike(whole: Whole, entry: Document, path: Path, i: int) -> Document:
     found = deepcopy(found)
     if "bus" in entry:
         drives = found["mechanism"].get("drives", [])
-        devices = [found["mechanism"].get(key) for key in ("force_torque", "gripper")]
-        for device in (*(drives if isinstance(drives, list) else ()), *devices):
+        others = found["mechanism"].values()
+        for device in (*(drives if isinstance(drives, list) else ()), *others):
             if isinstance(device, dict):
                 device.pop("bus", None)
     return found
@@ -325,7 +326,7 @@ def _names(path: Path, key: str, tables: list[Document]) -> list[str]:
 
 
 def devices_of(config: CellConfig, place: str, prefix: str, part: int) -> Iterator[Entry]:
-    """Yield the devices of one mechanism: drives as the chain's joints, then sensor and gripper.
+    """Yield the devices of one mechanism: drives as the chain's joints, then as its fields stand.
 
     The mechanism stands at `place` in the file and is the cell's `part`-th; names of its devices
     begin with `prefix`.
@@ -337,18 +338,22 @@ def devices_of(config: CellConfig, place: str, prefix: str, part: int) -> Iterat
         key = f"{place}.{drive.key(i)}"
         yield Entry(key, name, drive, drive.bus or default, f"the drive of '{name}'", part)
     of = f" of '{mechanism.name}'" if prefix else ""
-    for kind in ("force_torque", "gripper"):
-        section = getattr(mechanism, kind)
-        if section is not None:
-            owner = f"the {kind.replace('_', '/')}{of}"
-            bus = section.bus or default
-            yield Entry(f"{place}.{kind}", f"{prefix}{kind}", section, bus, owner, part)
+    for kind, section in _on_bus(mechanism):
+        owner = f"the {kind.replace('_', '/')}{of}"
+        bus = section.bus or default
+        yield Entry(f"{place}.{kind}", f"{prefix}{kind}", section, bus, owner, part)
 
 
 def shared_devices(config: CellConfig) -> Iterator[Entry]:
     """Yield the devices that a cell has once, however many mechanisms it has."""
-    switch = config.enabling_switch
-    if switch is not None:
-        name = "enabling_switch"
-        bus = switch.bus or config.fieldbuses[0].name
-        yield Entry(name, name, switch, bus, "the enabling switch", None)
+    for name, section in _on_bus(config):
+        bus = section.bus or config.fieldbuses[0].name
+        yield Entry(name, name, section, bus, f"the {name.replace('_', ' ')}", None)
+
+
+def _on_bus(table: Section) -> Iterator[tuple[str, OnBusSection]]:
+    """Yield the devices of a table that it has once, in the order of its fields."""
+    for key in type(table).model_fields:
+        section = getattr(table, key)
+        if isinstance(section, OnBusSection):
+            yield key, section

@@ -1,7 +1,7 @@
 """One period of the daemon: SYNC; read, take commands, decide the mode, tick, write, tell."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -141,6 +141,8 @@ class Cycle:
         self._telemetry = Telemetry(describe(cell), link, events)
         log = FlightLog(timing.period_s, len(units.each), clock.wall_ns)
         log.taps.append(self._telemetry.publish_tick)
+        self._unwell: Mapping[str, Trouble] = {}
+        """What was wrong a tick ago with devices that stop nothing."""
         self.flight = Flight(log, events, box)
         """The last ticks: what went in, and what came out."""
 
@@ -233,6 +235,8 @@ class Cycle:
 
     def _finish(self, now_s: float) -> None:
         units, reading = self.units, self.plant.read(now_s)
+        if reading.unwell is not self._unwell:
+            self._tell_unwell(reading.unwell)
         context = self._perceive(now_s, reading)
         self._dispatcher.take(context)
         # Only now: what was just commanded was placed where arm and frames were together, a tick
@@ -257,6 +261,19 @@ class Cycle:
                 self._supervisor.overruns,
             )
             self._telemetry.publish(record, units, self._admission)
+
+    def _tell_unwell(self, unwell: Mapping[str, Trouble]) -> None:
+        """Tell of devices that stop nothing when something is wrong with them, and when not."""
+        before, self._unwell = self._unwell, unwell
+        for name, trouble in unwell.items():
+            if name not in before or before[name].cause is not trouble.cause:
+                self._events.warning(
+                    "device_unwell",
+                    f"{name}: {trouble.detail}",
+                    **{"device": name, "cause": str(trouble.cause), **trouble.values},
+                )
+        for name in before.keys() - unwell.keys():
+            self._events.info("device_well", name, device=name)
 
     def _quick_stop(self, device: str, words: str, event: str) -> None:
         self._supervisor.quick_stop(Trouble(Cause.STATE_LOST, device, words), event)

@@ -1,7 +1,8 @@
 """All devices of one cell as one thing, through the contract and the roles of their drivers."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 from ..drivers.device import (
     Cause,
@@ -28,6 +29,8 @@ LISTEN_S = 0.25
 
 TOGETHER_S = 3e-4
 """Drives on several buses sample together if their SYNCs went out within [s]."""
+
+_WELL: Final[Mapping[str, Trouble]] = MappingProxyType({})
 
 
 class UnitReading(NamedTuple):
@@ -81,6 +84,8 @@ class PlantReading(NamedTuple):
     """Why a device lets the arms not move; None: all let them."""
     values: Mapping[str, Mapping[str, Value]]
     """Readings of the devices, by their names."""
+    unwell: Mapping[str, Trouble]
+    """What is wrong with devices that stop nothing, by their names."""
 
     @property
     def off(self) -> bool:
@@ -139,6 +144,10 @@ class Plant:
         self.cyclic = type(self.drives[0]).together(self.drives)
         """What reads and writes the drives."""
         self._others = tuple(d for d in devices if isinstance(d, Peripheral))
+        self._watched = tuple(
+            d for d in self._others if not d.vital and not isinstance(d, WrenchSensor)
+        )
+        """Devices that stop nothing, and of which no monitor tells."""
         self._outputs = {d.name: d for d in devices if isinstance(d, SwitchedOutput)}
         names = [drive.bus for drive in self.drives]
         self._by_bus = {bus: [i for i, b in enumerate(names) if b == bus] for bus in names}
@@ -214,6 +223,7 @@ class Plant:
             trouble=trouble if self.opened else None,
             interlock=self._interlock() if self.opened else None,
             values={d.name: shown for d in self._others if (shown := d.values())},
+            unwell=self._unwell() if self.opened and self._watched else _WELL,
         )
 
     def write(self, command: Array) -> None:
@@ -281,6 +291,10 @@ class Plant:
                 if trouble is not None:
                     return trouble
         return None
+
+    def _unwell(self) -> dict[str, Trouble]:
+        read = ((device.name, device.read().trouble) for device in self._watched)
+        return {name: trouble for name, trouble in read if trouble is not None}
 
     def _silent_bus(self, bus: str, of_drives: Sequence[Trouble | None]) -> Trouble | None:
         """Return that a whole bus is silent, where that explains the trouble of a drive on it."""

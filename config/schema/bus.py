@@ -77,6 +77,10 @@ class OnBusSection(Section, ABC):
     def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
         """Return its process data; `operation_mode` is that of the mechanism's drives."""
 
+    def about(self) -> str:
+        """Return what `telerobot check` says of it in one line; nothing for most."""
+        return ""
+
 
 class NodeIdentitySection(Section):
     """Identity of a CANopen node, 1018h, which `telerobot check CELL --bus` compares."""

@@ -48,10 +48,14 @@ class WatchedNode:
         for write in writes:
             self._write(*write)
         try:
-            self._node.nmt.send_command(can301.NmtCommand.START)
+            self.start()
         except can.CanError as error:
             raise DeviceError(f"{self._who}: {error}") from error
         self._heard_s, self._opened = self._bus.now, True
+
+    def start(self) -> None:
+        """Tell the node to be *Operational*, as one that was alone for a while is not any more."""
+        self._node.nmt.send_command(can301.NmtCommand.START)
 
     def close(self) -> None:
         """Watch the node no more."""

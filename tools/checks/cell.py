@@ -84,6 +84,8 @@ def bus_load(cell: Cell) -> Iterator[Finding]:
     for bus in cell.config.fieldbuses:
         on_it = [entry for entry in cell.devices if entry.bus == bus.name]
         yield from _load(cell, bus, on_it)
+        told = ((entry.name, entry.section.about()) for entry in on_it)
+        yield from (Finding(name, Severity.OK, text) for name, text in told if text)
 
 
 def _load(cell: Cell, bus: BusSection, devices: list[Entry]) -> Iterator[Finding]:

@@ -148,6 +148,11 @@ _WORDS: dict[str, tuple[str, str]] = {
     "insecure": ("Anybody who reaches the daemon may command: {detail}.", "Make certificates."),
     "retiring": ("The daemon ends: it stops the arm and switches the drives off.", "Start it."),
     "device_missing": ("A device is missing: {detail}.", "Is it powered and on the bus?"),
+    "device_unwell": (
+        "A device tells nothing that can be used, {detail}.",
+        "The arm goes on without it: look at its cable, power and range.",
+    ),
+    "device_well": ("{detail} tells again.", ""),
     "sensor_stale": (
         "The sensor {detail} tells nothing new: force control fades.",
         "Check the sensor and its cable.",

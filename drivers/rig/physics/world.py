@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.rig import RigGripperSection
+from ....config.schema.section import PoseSection
 from .beam import Beam
 from .bodies import place
 from .brakes import Brakes
 from .clearance import WorldDistances
 from .contacts import Contacts
+from .geoms import quaternion
 from .movers import GRIP
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 
@@ -249,6 +251,24 @@ class World:
         body = mujoco.mjtObj.mjOBJ_XBODY
         mujoco.mj_objectVelocity(self.model, self.data, body, self._arms[0].root, found, 0)
         return np.concatenate([found[3:], found[:3]])
+
+    def inertial(self, arm: int, on_base: bool, at: PoseSection) -> tuple[Vector, Vector]:
+        """Return the specific force (3,) [m/s²] and the angular rate (3,) [rad/s] of a place.
+
+        As an accelerometer and a gyroscope have them, in the axes of a frame that is `at` a pose in
+        Base, or in an arm's tip link.
+        """
+        found, R, p = np.zeros(6), np.zeros(9), np.array(at.xyz)
+        body = self._arms[arm].root if on_base else self._arms[arm].tip
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        kind = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectAcceleration(self.model, self.data, kind, body, found, 1)
+        turned, felt = found[:3].copy(), found[3:].copy()
+        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 1)
+        rate = found[:3].copy()
+        felt += np.cross(turned, p) + np.cross(rate, np.cross(rate, p))
+        mujoco.mju_quat2Mat(R, np.array(quaternion(at)))
+        return R.reshape(3, 3).T @ felt, R.reshape(3, 3).T @ rate
 
     def place(self, obstacle: str, xyz: Vector) -> None:
         """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""
