@@ -11,8 +11,14 @@ from typing import Any, Final
 
 from ..config.load import Cell
 from ..config.schema.bus import EnablingSwitchSection, Entry, OnBusSection
-from ..config.schema.mechanism import DriveSection, ForceTorqueSection, GripperSection
+from ..config.schema.mechanism import (
+    DriveSection,
+    ForceTorqueSection,
+    GripperSection,
+    ImuSection,
+)
 from ..protocols.canopen.cia402 import OperationMode
+from .canopen.imu import Imu
 from .canopen.io_modules import EnablingInput, GripperOutput
 from .canopen.servo import ServoDrive, StopRamp
 from .device import Device
@@ -55,6 +61,10 @@ def _gripper(gripper: GripperSection, entry: Entry, fieldbus: Fieldbus, cell: Ce
     return GripperOutput(fieldbus, gripper, cell.config.timing, eds, entry.name)
 
 
+def _imu(imu: ImuSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
+    return Imu(fieldbus, imu, cell.config.timing, EDS / "simulated_imu.eds", entry.name)
+
+
 def _switch(switch: EnablingSwitchSection, entry: Entry, fieldbus: Fieldbus, cell: Cell) -> Device:
     eds = EDS / "simulated_input.eds"
     return EnablingInput(fieldbus, switch, cell.config.timing, eds, entry.name)
@@ -64,6 +74,7 @@ KINDS: Final[dict[type[OnBusSection], Kind]] = {
     DriveSection: Kind(_servo, "servo:SimulatedDrive"),
     ForceTorqueSection: Kind(_sensor, "sensors:SimulatedForceTorque"),
     GripperSection: Kind(_gripper, "io:SimulatedGripper"),
+    ImuSection: Kind(_imu, "sensors:SimulatedImu"),
     EnablingSwitchSection: Kind(_switch, "io:SimulatedSwitch"),
 }
 

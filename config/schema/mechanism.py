@@ -405,6 +405,90 @@ class GripperSection(CanOpenNodeSection):
         return ()
 
 
+HALF_COUNTS: Final = 32767
+"""A reading of 16 bits goes so far either way [1]."""
+
+
+class VirtualImuSection(Section):
+    """Imperfections of the virtual unit; the daemon never reads them."""
+
+    acceleration_bias: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="true reading in free fall, in its axes [m/s²]"
+    )
+    rate_bias: Vector3 = Field((0.0, 0.0, 0.0), description="true reading at rest [rad/s]")
+    acceleration_noise: float = Field(
+        0.02, ge=0, le=10, description="standard deviation of a sample, per axis [m/s²]"
+    )
+    rate_noise: float = Field(0.002, ge=0, le=1, description="the same [rad/s]")
+
+
+class ImuSection(CanOpenNodeSection):
+    """An inertial measurement unit: accelerometer and gyroscope, sampled at every SYNC.
+
+    Any CANopen node whose readings are of 16 bits; counts and objects by default are those of
+    SICK's TMM61. It is told of, and stops nothing.
+    """
+
+    on: Literal["base", "wrist"] = Field(
+        "base", description="frame that it is fixed to: Base, which may roll, or the Wrist"
+    )
+    T_on_imu: PoseSection = Field(
+        default_factory=PoseSection, description="the unit's frame in that one"
+    )
+    acceleration_object: int = Field(
+        0x3102, ge=0x2000, le=0xFFFF, description="index of its specific force, sub-indices 1 to 3"
+    )
+    rate_object: int = Field(
+        0x3103, ge=0x2000, le=0xFFFF, description="index of its angular rate, sub-indices 1 to 3"
+    )
+    acceleration_per_bit: float = Field(9.80665 / 4096, gt=0, le=1, description="of a count [m/s²]")
+    rate_per_bit: float = Field(
+        math.radians(7 / 800), gt=0, le=0.1, description="of a count [rad/s]"
+    )
+    acceleration_range: float = Field(
+        78.0, gt=0, le=1e4, description="greatest reading of an axis, by its data sheet [m/s²]"
+    )
+    rate_range: float = Field(
+        4.36, gt=0, le=1e3, description="the same; a reading at an end is none [rad/s]"
+    )
+    acceleration_bias: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="taken off the reading, in its axes [m/s²]"
+    )
+    rate_bias: Vector3 = Field((0.0, 0.0, 0.0), description="the same [rad/s]")
+    virtual: VirtualImuSection = Field(
+        default_factory=VirtualImuSection, description="imperfections of the virtual unit"
+    )
+
+    @model_validator(mode="after")
+    def _range_fits_its_counts(self) -> "ImuSection":
+        for what, unit in (("acceleration", "m/s²"), ("rate", "rad/s")):
+            end = HALF_COUNTS * float(getattr(self, f"{what}_per_bit"))
+            told = float(getattr(self, f"{what}_range"))
+            if told > end:
+                raise ValueError(
+                    f"{what}_range {told:g} {unit}: 16 bits of {what}_per_bit end at {end:.4g}"
+                )
+        if self.acceleration_object == self.rate_object:
+            raise ValueError(f"rate_object {self.rate_object:#x} is acceleration_object, too")
+        return self
+
+    def identifiers(self) -> tuple[tuple[str, int], ...]:
+        """Return those of a node, and of its second TPDO."""
+        return (*super().identifiers(), ("node", 0x280 + self.node))
+
+    def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:  # noqa: ARG002  it has none
+        """Return its two answers to SYNC."""
+        return (BusFrames(6, count=2),)
+
+    def about(self) -> str:
+        """Return what it measures, and how finely."""
+        return (
+            f"on {self.on.capitalize()}, ±{self.acceleration_range:g} m/s² in steps of "
+            f"{self.acceleration_per_bit:.2g}, ±{self.rate_range:g} rad/s in steps of "
+            f"{self.rate_per_bit:.2g}, every SYNC"
+        )
+
+
 class MechanismSection(Section):
     """One kinematic chain: a URDF, its place in the World, its drives and its tool."""
 
@@ -456,6 +540,7 @@ class MechanismSection(Section):
     )
     force_torque: ForceTorqueSection | None = Field(None, description="sensor at the wrist, if any")
     gripper: GripperSection | None = Field(None, description="gripper at the tool, if any")
+    imu: ImuSection | None = Field(None, description="inertial measurement unit, if any")
     backbone: BackboneSection | None = Field(
         None, description="curve through tunnels that the joints follow; absent: a plain arm"
     )

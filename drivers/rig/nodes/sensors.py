@@ -1,8 +1,9 @@
-"""Simulated sensors: a Robotous force/torque sensor, a SICK LMS111 scanner."""
+"""Simulated sensors: a Robotous force/torque sensor, an inertial unit, a SICK LMS111 scanner."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Final, Self, cast
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....config.schema.bus import Entry
-from ....config.schema.mechanism import ForceTorqueSection
+from ....config.schema.mechanism import ForceTorqueSection, ImuSection
 from ....config.schema.rig import RigForceTorqueSection
 from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError
@@ -19,6 +20,7 @@ from ....protocols.messages.rig import RigFault, value_of
 from ....protocols.sick import ANGLE_UNIT, MEASURING, Scan, encode_scan, framed, hexadecimal
 from ..physics.sensors import Rangefinder
 from ..physics.world import World
+from .canopen import CanNode
 from .node import Bench, NodeLink
 
 # --- How a force/torque sensor with cross-talk answers to a load ----------------------------------
@@ -159,6 +161,66 @@ class SimulatedForceTorque:
     def _reading(self) -> NDArray[np.float64]:
         reading: NDArray[np.float64] = self._response @ self._load() + self._bias
         return reading
+
+
+# --- The simulated inertial measurement unit: specific force and rate, at each SYNC ----
+
+IMU_EDS: Final = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_imu.eds"
+_OBJECTS: Final = (0x3102, 0x3103)
+"""Specific force and angular rate, in its data sheet."""
+
+
+class SimulatedImu(CanNode):
+    """Samples the `motion` of its link (two of (3,), [m/s²], [rad/s]) once at an instant.
+
+    Bias and noise are added; beyond its range it reads the range's end. The fault `freeze` repeats
+    the last sample.
+    """
+
+    def __init__(
+        self,
+        imu: ImuSection,
+        link: NodeLink,
+        motion: Callable[[], tuple[NDArray[np.float64], NDArray[np.float64]]],
+        rng: np.random.Generator,
+        clock: Callable[[], float],
+    ) -> None:
+        super().__init__(imu.node, link, clock, IMU_EDS)
+        truth, self._motion, self._rng = imu.virtual, motion, rng
+        self._bias = np.array([truth.acceleration_bias, truth.rate_bias])
+        self._noise = np.array([[truth.acceleration_noise], [truth.rate_noise]])
+        self._scale = np.array([[imu.acceleration_per_bit], [imu.rate_per_bit]])
+        self._most = np.array([[imu.acceleration_range], [imu.rate_range]])
+        self._sampled_s, self._counts, self._frozen = -1.0, [[0] * 3] * 2, False
+        known = self.objects.object_dictionary
+        for row, index in enumerate((imu.acceleration_object, imu.rate_object)):
+            if index not in known:  # another maker's: the same sensor, elsewhere
+                known.indices[index] = known[_OBJECTS[row]]
+            for axis in range(3):
+                self.objects.live[index, axis + 1] = partial(self._count, row, axis)
+
+    @classmethod
+    def from_bench(cls, entry: Entry, bench: Bench) -> Self:
+        """Make the unit on Base or Wrist of the bench's arm."""
+        imu = cast(ImuSection, entry.section)
+        motion = partial(bench.world.inertial, entry.part or 0, imu.on == "base", imu.T_on_imu)
+        return cls(imu, bench.link(), motion, bench.rng(), bench.clock)
+
+    def inject(self, fault: RigFault) -> None:
+        """Freeze the sample. Raises `ValueError` for other faults."""
+        if fault.kind != "freeze":
+            raise ValueError(f"fault {fault.kind}: an imu can only freeze")
+        self._frozen = fault.on
+
+    def _count(self, sensor: int, axis: int) -> int:
+        now = self.clock()
+        if now != self._sampled_s and not self._frozen:
+            self._sampled_s = now
+            reading = np.array(self._motion()) + self._bias
+            reading += self._noise * self._rng.normal(size=(2, 3))
+            held = np.clip(reading, -self._most, self._most)
+            self._counts = np.rint(held / self._scale).astype(int).tolist()
+        return self._counts[sensor][axis]
 
 
 # --- A simulated SICK LMS111: answers requests, and sends a telegram for every scan (CoLa-A) ------
