@@ -243,6 +243,8 @@ SMALLEST = 0.002
 """The smallest share [1]."""
 FREE_S = 0.5
 """So long after the last contact the tool counts as free [s]."""
+AWAY = 0.5
+"""A motion leads away from the contact if that part of it does [1]."""
 RAMPED_S = 5.0 * LOAD_TIME_S
 """A load or bias that is told anew is in effect after that time [s]."""
 RISE = 0.05
@@ -387,12 +389,15 @@ class ContactStability:
         return float(np.abs(np.diff(f))[touching].sum()) / max(way, 1e-9), normal
 
     def _aim(self, output: Output) -> float:
-        """Return the share to act now: all of it away from the contact, once nothing is touched."""
+        """Return the share to act now: all of it away from the contact, once nothing is touched.
+
+        The normal is known as well as the touch was straight: what leads along leads nowhere away.
+        """
         if self.share == 1.0 or self._free_s < FREE_S:
             return self.share
-        others = (t[:3] for name, t in output.twists.items() if name != "force")
-        towards = float(sum(others, np.zeros(3)) @ self._normal)
-        return 1.0 if towards < 0.0 else self.share
+        others = sum((t[:3] for name, t in output.twists.items() if name != "force"), np.zeros(3))
+        away = -float(others @ self._normal)
+        return 1.0 if away > AWAY * math.sqrt(float(others @ others)) else self.share
 
 
 # --- Jam monitor: tells when the tool, or a payload, is pressed on without getting any further ----

@@ -5,6 +5,7 @@ Judged by the physics: 20 kN/m is declared, and the stick presses with K_HC u / 
 
 import numpy as np
 import pytest
+from laboratory.campaign.contact.sliding import Slide, sliding
 from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -94,3 +95,14 @@ def test_it_stays_gentle_towards_the_wall_alone_until_the_gains_are_told_anew():
     assert speed(7.6) == pytest.approx(-0.05, rel=0.05)
     assert 0.0 < speed(8.3) < 0.01
     assert speed(9.0) == pytest.approx(0.03, rel=0.05)
+
+
+def test_back_along_a_rigid_table_does_not_lead_away_from_it(pa10):
+    """The touch leans a little: taken for the way off, back along it pressed with 208 N."""
+    simulation = Simulation(pa10, sliding(pa10, Slide("table", 10.0, 0.1, 0)))
+    run = Run(simulation, simulation.run())
+    (said,) = run.events("contact_unstable")
+    assert (
+        max(t.arms["arm"].contact_peak for t in run.truths if t.time_s > said.time_s + 0.1) < 60.0
+    )
+    assert run.summary["mode"] == "enabled"
