@@ -4,7 +4,7 @@ import math
 from itertools import product
 from typing import Any, NamedTuple
 
-from telerobot.config.load import Cell
+from telerobot.config.load import Cell, altered
 from telerobot.tools.scripts.script import Script
 
 DOWN = (0.0, 0.3, 0.0, 1.9, 0.0, math.pi - 2.2, 0.0)
@@ -39,6 +39,20 @@ SLIDES = tuple(
     Slide(*each)
     for each in product(("wall", "table"), (10.0, 60.0), (0.02, 0.05, 0.1), range(DIRECTIONS))
 )
+
+
+def as_declared(cell: Cell) -> Cell:
+    """Return the cell with a table as soft as the wall that it declares: its own is rigid.
+
+    On a rigid one its force control rings at the first touch, and is slowed down to a hundredth.
+    """
+    rig = cell.config.rig
+    if rig is None or rig.wall is None:
+        raise ValueError(f"cell {cell.config.name}: needs a wall")
+    (table,) = (box for box in rig.boxes if box.name == "table")
+    x, y, z = table.xyz
+    told = {"xyz": (x, y, z + table.half_size[2]), "normal": (0.0, 0.0, 1.0)}
+    return altered(cell, {"wall": rig.wall.model_copy(update=told), "boxes": ()}, "rig")
 
 
 def sliding(cell: Cell, slide: Slide) -> Script:

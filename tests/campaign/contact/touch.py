@@ -1,9 +1,10 @@
 """Part `touch`: pushes that no sensor sees are felt; ordinary motion and contact are no push.
 
 Free motion with 2 kg more on the tool, of which the daemon knows: smooth sticks there and back,
-postures in between, for as long as the seeds last. A tool that slides along wall and table, slowly
-and quickly, pressed gently and hard, in all directions. A push at the elbow while it moves, from
-every side. And contact that the arm runs into, of which it must let go (`letting_go.py`).
+postures in between, for as long as the seeds last. A tool that slides along wall and table, both as
+soft as the cell declares, slowly and quickly, pressed gently and hard, in all directions. A push at
+the elbow while it moves, from every side. And contact that the arm runs into, of which it must let
+go (`letting_go.py`).
 """
 
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from ..part import Part, Selection
 from ..runs import Runs
 from . import doubted, letting_go
 from .letting_go import LetGo
-from .sliding import MADE_S, SLIDES, sliding
+from .sliding import MADE_S, SLIDES, as_declared, sliding
 
 CELL = "pa10"
 MASS, COM = 2.0, (0.0, 0.0, 0.10)
@@ -165,7 +166,9 @@ def feel(job: Job) -> TouchRun:
         case "push":
             script = push(number)
         case "slide":
-            script, name = sliding(cell, SLIDES[number]), f"slide {SLIDES[number]}"
+            slide = SLIDES[number]
+            cell = as_declared(cell) if slide.surface == "table" else cell
+            script, name = sliding(cell, slide), f"slide {slide}"
         case _:
             cell, script = laden(cell), free_motion(number)
     simulation = Simulation(cell, script)
