@@ -12,12 +12,14 @@ from ....config.drives import joint_bounds
 from ....config.load import Cell, ConfigError
 from ....config.schema.rig import RigBeamSection, RigBridgeSection, RigSection
 from ....config.schema.section import PoseSection
+from ....config.schema.sources import SOURCES
 from ....config.schema.surroundings import CameraSection, ObstacleSection, RigTagSection
 from ....config.urdf.meshes import find_mesh, read_mesh
 from ....drivers.device import DeviceError
 from ....server.control.backbone.curve import centre_line
 from ....server.control.proximity.capsules import Forest, fitted
 from ....server.control.spatial import Pose
+from ....server.control.task.task import FRAMES
 
 if TYPE_CHECKING:
     import trimesh
@@ -513,6 +515,7 @@ def describe(cell: Cell, meshes: Meshes | None = None) -> dict[str, Any]:
         "links": links,
         "missing": [row._asdict() for row in meshes.missing],
         "tasks": _tasks(cell, {link["name"]: i for i, link in enumerate(links)}),
+        "sources": [*SOURCES, FRAMES],
         "cameras": [
             _camera(camera, part.task) for part in cell.parts for camera in part.config.cameras
         ],

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from telerobot.config.load import shipped
+from telerobot.config.schema.sources import SOURCES
 
 STATIC = Path(__file__).resolve().parents[4] / "tools/operator/web/static"
 
@@ -99,3 +100,12 @@ def test_names_reach_the_page_as_text_only():
     for module in modules:
         for markup in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write"):
             assert markup not in module.read_text(), module.name
+
+
+def test_every_source_of_the_server_has_its_line(in_node, described):
+    charts = """
+        const { chartsOf } = await load("plots/series.js");
+        const chart = chartsOf(given.description).find(({ title }) => title === "Twist by source");
+        return chart.series.map(({ name }) => name);
+    """
+    assert in_node(charts, {"description": described("ur5e")}) == [*SOURCES, "frames"]

@@ -16,7 +16,7 @@ const least = (all) => (all.length ? Math.min(...all) : null);
  * from a state, null where there is none.
  */
 export function chartsOf(description) {
-  const { tasks, joints, obstacles } = description;
+  const { tasks, joints, obstacles, sources } = description;
   const told = (state, i) => (i ? state.tasks?.[tasks[i].name] : state);
   const felt = tasks.flatMap((task, i) => (task.force ? [i] : []));
   const shared = tasks.flatMap((task, i) => (task.by.length > 1 ? [i] : []));
@@ -58,10 +58,9 @@ export function chartsOf(description) {
     row: ({ gaps = [] }) => [true, false].map((outside) => number(least(
       gaps.filter(([, other]) => names.has(other) === outside).map(([, , gap]) => gap)), 1000)),
   });
-  const sources = ["joystick", "position", "vision", "force", "following", "spring", "reflex", "frames"];
   charts.push({
     title: "Twist by source", unit: "mm/s", least: 20, low: 0,
-    series: sources.map((name, i) => ({ name, colour: COLOURS[i] })),
+    series: sources.map((name, i) => ({ name, colour: COLOURS[i % COLOURS.length] })),
     row: (state) => sources.map((name) => number(size(state.sources?.[name]?.slice(0, 3)), 1000)),
   });
   charts.push({
