@@ -146,6 +146,14 @@ class ReflexSection(SourceSection):
 # --- Schema of a virtual fixture ------------------------------------------------------------------
 
 AxisGain = Annotated[float, Field(ge=0, le=100)]
+NoGain = Annotated[float, Field(ge=0, le=0)]
+"""Of an axis that a source never asks for."""
+
+
+def _somewhere(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if sum(x * x for x in axis) < 1e-12:
+        raise ValueError("must point somewhere, but is no longer than 1e-6")
+    return axis
 
 
 class SpringSection(SourceSection):
@@ -177,9 +185,7 @@ class SpringSection(SourceSection):
     def _points_somewhere(
         cls, axis: tuple[float, float, float] | None
     ) -> tuple[float, float, float] | None:
-        if axis is not None and sum(x * x for x in axis) < 1e-12:
-            raise ValueError("must point somewhere, but is no longer than 1e-6")
-        return axis
+        return None if axis is None else _somewhere(axis)
 
     def lacking(self, there: Set[str]) -> Iterator[str]:
         """Yield that the frame which the fixture is fixed to does not move."""
@@ -187,6 +193,52 @@ class SpringSection(SourceSection):
             yield (
                 f"relative_to: value '{self.relative_to}': there is no "
                 f"[frames.{self.relative_to}], so give the fixture in World"
+            )
+
+
+# --- Schema of the source that looks at a point ---------------------------------------------------
+
+
+class PointAtSection(SourceSection):
+    """The tool is turned so that an axis of it looks at a point: rate = K_A (angle to it).
+
+    How the tool turns about that axis is left to others, and so is where it is.
+    """
+
+    ERROR_GAIN: ClassVar[str | None] = "K_A"
+
+    gain: tuple[NoGain, NoGain, NoGain, AxisGain, AxisGain, AxisGain] = Field(
+        (0.0,) * 6,
+        description="K_A: angle to rate, about the axes of World; it asks for no translation [1/s]",
+    )
+    point: Vector3 = Field((0.0, 0.0, 0.0), description="where it looks, in relative_to [m]")
+    relative_to: Literal["world", "base", "carrier"] = Field(
+        "world", description="frame that the point is fixed to: World, or one that may move"
+    )
+    tool_axis: Vector3 = Field(
+        (0.0, 0.0, 1.0), description="axis of the MRF that looks there, from its origin [1]"
+    )
+    nearest: float = Field(
+        0.1,
+        ge=0.01,
+        le=2,
+        description="nearer to the point it asks for less and less, at half of it for nothing [m]",
+    )
+    angular_speed: float = Field(
+        0.5, gt=0, le=10, description="largest rate that it asks for [rad/s]"
+    )
+
+    @field_validator("tool_axis")
+    @classmethod
+    def _points_somewhere(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+        return _somewhere(axis)
+
+    def lacking(self, there: Set[str]) -> Iterator[str]:
+        """Yield that the frame which the point is fixed to does not move."""
+        if self.relative_to != "world" and self.relative_to not in there:
+            yield (
+                f"relative_to: value '{self.relative_to}': there is no "
+                f"[frames.{self.relative_to}], so give the point in World"
             )
 
 
@@ -241,6 +293,9 @@ class SourcesSection(Section):
         default_factory=FollowingSection, description="a hand at the tool"
     )
     spring: SpringSection = Field(default_factory=SpringSection, description="a virtual fixture")
+    point_at: PointAtSection = Field(
+        default_factory=PointAtSection, description="an axis of the tool that looks at a point"
+    )
     reflex: ReflexSection = Field(
         default_factory=ReflexSection, description="folding below what is ahead"
     )

@@ -352,6 +352,21 @@ def test_a_fixture_that_is_nowhere_is_an_error(small, says, words):
         load_cell(small.cell)
 
 
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        ('relative_to = "base"', r"sources\.point_at\.relative_to: value 'base'.*no \[frames"),
+        ("tool_axis = [0.0, 0.0, 0.0]", r"sources\.point_at\.tool_axis.*must point somewhere"),
+        ("gain = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]", r"sources\.point_at\.gain"),
+        ("nearest = 0.0", r"sources\.point_at\.nearest"),
+    ],
+)
+def test_an_axis_that_can_look_nowhere_is_an_error(small, says, words):
+    small.cell.write_text(small.cell.read_text() + f"\n[sources.point_at]\n{says}\n")
+    with pytest.raises(ConfigError, match=words):
+        load_cell(small.cell)
+
+
 def test_a_schedule_of_a_source_that_there_is_not_names_those_that_there_are(small):
     table = '\n[[schedules]]\nsource = "stick"\nby = "time"\nat = [0, 1]\nfactor = [0, 1]\n'
     small.cell.write_text(small.cell.read_text() + table)

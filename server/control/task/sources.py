@@ -8,6 +8,7 @@ import numpy as np
 from ....config.schema.sources import (
     ForceSection,
     JoystickSection,
+    PointAtSection,
     ReflexSection,
     SpringSection,
     VisionSection,
@@ -406,6 +407,117 @@ def _pulled(R: Array, error: Array, gain: Array, deadband: float, most: float) -
     for i in range(3):
         for k in range(3):
             out[i] += R[i, k] * share * rate[k]
+    return out
+
+
+# --- An axis of the tool looks at a point ---------------------------------------------------------
+#
+# The shortest arc from the axis to the line of sight, times a gain, is the rate: it has no part
+# about the axis, so that the tool rolls about its line of sight as others have it, and none of
+# translation. What turns the line of sight, the tool that goes past or the point that moves, is
+# fed forward: a tool that goes by at v looks at the point all the way, and not v / (r K_A) behind.
+#
+# Near the point a small step turns the line of sight by much: there it lets go.
+
+FED_FORWARD: Final = 0.5
+"""From this gain on the line of sight's turning is fed forward in full; below, it fades [1/s]."""
+
+
+class PointAtState(NamedTuple):
+    """The shaped rate in World axes (3,), as a motion."""
+
+    motion: Motion
+
+
+_LOOKS_NOWHERE: Final = PointAtState(Motion(NO_TWIST[:3], NO_TWIST[:3], NO_TWIST[:3]))
+
+
+class PointAt(Source[PointAtState]):
+    """Turns an axis of the tool to a point."""
+
+    def __init__(self, section: PointAtSection, shaping: Shaping) -> None:
+        self._point, self._relative_to = np.array(section.point), section.relative_to
+        self._axis, self._most = _unit(section.tool_axis), section.angular_speed
+        self._nearest = section.nearest
+        self._planner = VelocityPlanner(shaping.acceleration[3:], shaping.jerk[3:])
+        self._period_s = shaping.period_s
+
+    def idle(self) -> PointAtState:
+        """Return the state of a tool that looks nowhere."""
+        return _LOOKS_NOWHERE
+
+    def rate(
+        self, context: Context, state: PointAtState, gain: Array
+    ) -> tuple[Array, PointAtState]:
+        """Return the twist that turns the axis to the point; `gain` (6,) is K_A [1/s], in World."""
+        target, looks = NO_TWIST[:3], context.guided and np.count_nonzero(gain[3:]) > 0
+        if not context.moving:
+            state = _LOOKS_NOWHERE
+        if state is _LOOKS_NOWHERE and not looks:
+            return NO_TWIST, _LOOKS_NOWHERE
+        if looks:
+            target = self._turn(context, gain[3:])
+        shaped = self._planner.shape(state.motion, target, self._period_s)
+        if shaped is state.motion:
+            return NO_TWIST, _LOOKS_NOWHERE
+        return np.concatenate([np.zeros(3), shaped.dq]), PointAtState(shaped)
+
+    def jump(
+        self,
+        context: Context,
+        redefined: Redefined,
+        state: PointAtState,
+        gain: Array,
+        twist: Array,
+    ) -> Array | None:
+        """Return the turn about the MRF of before, told at that of now, less the rate of now."""
+        return None if redefined.lever is None else twist_at(twist, redefined.lever) - twist
+
+    def _turn(self, context: Context, gain: Array) -> Array:
+        """Return the rate (3,) that is asked for, before shaping."""
+        mrf, moved, point = context.T_world_mrf, context.moved, self._point
+        going, ground = context.twist[:3], np.zeros(3)
+        body = None if moved is None else moved.body(self._relative_to)
+        if body is not None:
+            point = body.T.p + body.T.R @ point
+        if moved is not None:
+            going = going - moved.carries(self._relative_to, point)[:3]
+        if context.carried is not None:
+            ground = context.carried[3:]
+        most = context.asked.speed_factor * self._most
+        return _sighted(mrf.R @ self._axis, point - mrf.p, going, ground, gain, self._nearest, most)
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
+def _sighted(
+    axis: Array, way: Array, going: Array, ground: Array, gain: Array, nearest: float, most: float
+) -> Array:
+    """Return the rate (3,) that turns a unit vector `axis` to the `way` (3,) to a point [m].
+
+    The tool is `going` (3,) [m/s] with respect to the point; the sum adds how the `ground` (3,)
+    turns [rad/s]. All in World axes.
+    """
+    distance = along = size2 = 0.0
+    for i in range(3):
+        distance += way[i] ** 2
+    distance = math.sqrt(distance)
+    out = np.zeros(3)
+    share = min(1.0, max(0.0, 2.0 * distance / nearest - 1.0))
+    if share == 0.0:
+        return out
+    sight = way / distance
+    turn = _arc(axis, sight)
+    for i in range(3):
+        along += ground[i] * sight[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        follows = (going[j] * sight[k] - going[k] * sight[j]) / distance
+        follows += along * sight[i] - ground[i]
+        out[i] = share * (gain[i] * turn[i] + min(1.0, gain[i] / FED_FORWARD) * follows)
+        size2 += out[i] ** 2
+    most = min(1.0, most / max(math.sqrt(size2), 1e-12))
+    for i in range(3):
+        out[i] *= most
     return out
 
 

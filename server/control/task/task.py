@@ -13,7 +13,7 @@ from ..stop.trajectory import VelocityPlanner
 from .following import Following
 from .position import Position, PositionState
 from .source import NO_TWIST, About, Context, Granted, Redefined, Shaping, Source
-from .sources import Force, ForceState, Joystick, Reflex, Spring, Vision
+from .sources import Force, ForceState, Joystick, PointAt, Reflex, Spring, Vision
 
 # --- Gains in effect: what was set, times what the cell's schedules say, and every change ramped
 #
@@ -166,6 +166,7 @@ KINDS: Final = MappingProxyType[str, type[Source[Any]]](
         "force": Force,
         "following": Following,
         "spring": Spring,
+        "point_at": PointAt,
         "reflex": Reflex,
     }
 )
