@@ -168,6 +168,7 @@ def _of_task(
         "payload": None if commands.settings.payload is None else _four(commands.settings.payload),
         "view": None if view is None else view.to_xyz_rpy(),
         "view_age_ticks": vision.age(tick),
+        "view_error": vision.error,
         "sources": {name: _six(twist) for name, twist in output.twists.items()},
         "gains": {name: _six(gain) for name, gain in output.gains.items()},
         "on": dict(commands.settings.on),

@@ -54,6 +54,8 @@ class TaskState(Message):
     gripper_closed: bool | None = None
     view: Vector6 | None = None
     view_age_ticks: Count | None = None
+    view_error: tuple[float, float] | None = None
+    """How far the Lens is from the stored view [m], [rad]; of a camera beside the arm, the tag."""
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     on: dict[str, bool]

@@ -14,7 +14,7 @@ from ..control.mechanism.model import Mechanism
 from ..control.proximity.capsules import Capsules
 from ..control.proximity.distance import measured
 from ..control.scene import Mount, Scene
-from ..control.spatial import Array, Pose
+from ..control.spatial import Array, Pose, pose_error, sizes
 from ..control.task.source import ViewGoal
 from ..events import Events
 from ..refusals import Refused, Why
@@ -117,6 +117,19 @@ class VisionTracker:
         if track is None or track.known is None or not self._places:
             return None
         return track.T_anchor_lens(self._places[-1]).inverse() @ track.known.T_anchor_target
+
+    @property
+    def error(self) -> tuple[float, float] | None:
+        """How far the Lens is from the stored view [m], [rad]; None when stale.
+
+        Of a camera beside the arm: how far the target is.
+        """
+        view, stored = self.view, self._view
+        if view is None or stored is None:
+            return None
+        if self._tracks[self._camera].carried:
+            view, stored = view.inverse(), stored.inverse()
+        return sizes(pose_error(view, stored))
 
     @property
     def lens(self) -> Mount | None:

@@ -34,8 +34,8 @@ ELSEWHERE |= {"touch_inside", "figure_5"}
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
 ELSEWHERE |= {"bridge", "bridge_off"}
 """`test_bridge.py` plays the like, nearer."""
-FRAMES = {"conveyor", "platform", "frames_here", "all_sources"}
-"""Scripts that `test_frames.py` and `test_all_sources.py` play."""
+FRAMES = {"conveyor", "platform", "frames_here", "all_sources", "see_and_press"}
+"""Scripts that `test_frames.py`, `test_all_sources.py` and `test_waiting.py` play."""
 FIELD = {n for n in shipped("scripts") if n.startswith("sight_line_")} | {"round_obstacle"}
 """Scripts that `test_sight_line.py` and `test_virtual_link.py` play."""
 

@@ -32,6 +32,7 @@ from .script import (
     Script,
     Step,
     TopicMessage,
+    in_order,
 )
 
 
@@ -242,6 +243,9 @@ class Player:
         self._obstacles = ObstacleMotions(self._tell, inject)
         self._targets: list[TargetMotion] = []
         self._steps = deque(script.steps)
+        self._waiting: Step | None = None
+        self._said = 0  # number of the newest message that was sent before the wait
+        self._stands_s = 0.0  # so long the script's time has stood still [s]
         self._now_s = 0.0
 
     @property
@@ -265,10 +269,10 @@ class Player:
         elif self.phase is Phase.ENABLING and self._mode == "enabled":
             self.phase, self.start_s = Phase.PLAYING, now_s
         if self.phase is Phase.PLAYING:
-            while self._steps and now_s >= self.start_s + self._steps[0].at_s - DUE_S:
+            while self._goes_on() and self._steps and self._time_s >= self._steps[0].at_s - DUE_S:
                 self._do(self._steps.popleft())
-            if now_s >= self.start_s + self.script.duration_s - DUE_S:
-                self.phase = Phase.OVER
+            if self._waiting is None and self._time_s >= self.script.duration_s - DUE_S:
+                self.phase = Phase.OVER if self.phase is Phase.PLAYING else self.phase
         if self.client.state is not None:
             try:
                 self._obstacles.run(now_s, self.client.state.tick)
@@ -281,6 +285,31 @@ class Player:
     def move(self, obstacle: MovingObstacle) -> None:
         """Move an obstacle beside the script: for a judge that plays its part."""
         self._obstacles.take(obstacle, self._now_s)
+
+    @property
+    def _time_s(self) -> float:
+        """The script's own time [s]."""
+        return self._now_s - self.start_s - self._stands_s
+
+    def _goes_on(self) -> bool:
+        """Return whether the script waits for nothing, now that it is looked at."""
+        step = self._waiting
+        if step is None or step.until is None:
+            return self.phase is Phase.PLAYING
+        state = self.operators[step.operator].state
+        missing: str | None = "not heard yet"
+        if state is not None and max(state.last_seq.values(), default=0) >= self._said:
+            missing = step.until.missing(state)
+        late = self._time_s - step.at_s >= step.until.timeout_s - DUE_S
+        if missing is not None and not late:
+            return False
+        self._waiting, self._stands_s = None, self._now_s - self.start_s - step.at_s
+        if missing is None:
+            return True
+        self._steps = deque(in_order(step.until.otherwise, step.at_s))
+        if not self._steps:
+            self._fail(f"{step.at_s:g} s: after {step.until.timeout_s:g} s: {missing}")
+        return self.phase is Phase.PLAYING
 
     @property
     def _tick(self) -> int:
@@ -354,6 +383,8 @@ class Player:
             self._obstacles.take(step.obstacle, self._now_s)
         if step.raw is not None:
             self._put_raw(step.raw, client)
+        if step.until is not None:
+            self._waiting, self._said = step, client.seq
 
     def _send(self, message: TopicMessage, client: ProtocolClient, on_reply: OnReply) -> None:
         topic = message.topic

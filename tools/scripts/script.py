@@ -1,6 +1,7 @@
 """Scripts: tables, steps, messages and expectations, as TOML files say them."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -23,6 +24,7 @@ from ...protocols import topics as t
 from ...protocols.codec import CodecError, message_of
 from ...protocols.messages import messages as m
 from ...protocols.messages.perception import ObstacleNews
+from ...protocols.messages.telemetry import State
 from ...protocols.topics import Flow, Topic
 
 # --- Message of a script's step: a topic and its fields, judged as if they came on the wire -------
@@ -171,6 +173,61 @@ class LinkConditions(ScriptTable):
     loss: float = Field(0.0, ge=0, lt=1)
 
 
+class Until(ScriptTable):
+    """What is to be so before the script goes on: all that is given, as its operator sees it.
+
+    The script's time stands still meanwhile, its streams go on. After `timeout_s` the steps of
+    `else` take the place of the rest, timed from then; without any the script has failed.
+    """
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    timeout_s: float = Field(gt=0, le=3600)
+    task: m.Identifier | None = None
+    at_goal: Literal[True] | None = None
+    distance_m: float | None = Field(None, gt=0, le=10)  # of the measured MRF from its target
+    view_error_m: float | None = Field(None, gt=0, le=10)
+    view_error_rad: float | None = Field(None, gt=0, le=4)  # from the stored view, at most
+    force_n: float | None = Field(None, gt=0, le=1e5)  # at least, of the tool or the payload
+    mode: Literal["ready", "enabled", "hold", "fault"] | None = None
+    otherwise: "tuple[Step, ...]" = Field((), alias="else")
+
+    @model_validator(mode="after")
+    def _asks_something(self) -> "Until":
+        asked = self.model_fields_set - {"timeout_s", "task", "otherwise"}
+        if not asked or any(step.until is not None for step in self.otherwise):
+            raise ValueError("something to wait for is expected, and nothing of it in its else")
+        return self
+
+    def missing(self, state: State) -> str | None:
+        """Return what is not so yet, with its value; None where all is."""
+        told = state.of(self.task)
+        if self.mode is not None and state.mode != self.mode:
+            return f"mode {state.mode}, {self.mode} is expected"
+        if self.at_goal and not told.at_goal:
+            return "not at its goal"
+        off = (
+            None
+            if told.target_mrf is None
+            else math.dist(told.pose_mrf_measured[:3], told.target_mrf[:3])
+        )
+        force = None if told.wrench_mrf is None else math.hypot(*told.wrench_mrf[:3])
+        view = told.view_error or (None, None)
+        for name, found, least in (
+            ("distance_m", off, False),
+            ("view_error_m", view[0], False),
+            ("view_error_rad", view[1], False),
+            ("force_n", force, True),
+        ):
+            bound = getattr(self, name)
+            if bound is None:
+                continue
+            if found is None or not (found >= bound if least else found <= bound):
+                wanted = Bounds(least=bound) if least else Bounds(most=bound)
+                return f"{name}: {_shown(found)}, {wanted} is expected"
+        return None
+
+
 class Network(ScriptTable):
     """The operators' network from the start: round trip, its variation, its losses."""
 
@@ -201,7 +258,9 @@ class Raw(ScriptTable):
 # --- Step of a script: a time, an operator, and one topic with its fields or one generator --------
 WHEN = ("at_s", "operator", "for_s")  # keys of every step
 
-GENERATORS = ("silence", "link", "master", "device", "target", "obstacle", "insertion", "raw")
+GENERATORS = (
+    "silence", "link", "master", "device", "target", "obstacle", "insertion", "raw", "until",
+)  # fmt: skip
 """Keys of steps that are no message."""
 
 STREAMS = frozenset(
@@ -238,6 +297,7 @@ class Step(ScriptTable):
     obstacle: MovingObstacle | None = None
     insertion: DrivenInsertion | None = None
     raw: Raw | None = None
+    until: Until | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -288,6 +348,9 @@ class Step(ScriptTable):
             key = self.message.topic.key
             return frozenset({f"{key}:{named}" if named else key})
         return frozenset(self.silence)
+
+
+Until.model_rebuild()
 
 
 # --- Expectations of a script: what its run is to reach, judged by the figures of the simulation
@@ -391,6 +454,10 @@ class Expectations(ScriptTable):
                 yield Expected(name, str(bounds), found, bounds.hold(_values(found)))
 
 
+def _most(bound: float | None) -> Bounds | None:
+    return None if bound is None else Bounds(most=bound)
+
+
 def _values(found: Any) -> list[float]:
     if found is None:
         return []
@@ -437,9 +504,15 @@ class Script(ScriptTable):
     @property
     def steps(self) -> tuple[Step, ...]:
         """The steps in order of time; a stream with an end is followed by its silence."""
-        steps = sorted(self.step, key=lambda step: step.at_s)
-        ends = [end for i, step in enumerate(steps) if (end := _end(step, steps[i + 1 :]))]
-        return tuple(sorted([*ends, *steps], key=lambda step: step.at_s))
+        return in_order(self.step)
+
+
+def in_order(steps: Iterable[Step], from_s: float = 0.0) -> tuple[Step, ...]:
+    """Return steps in order of time, counted from a time [s], and what ends their streams."""
+    moved = (step.model_copy(update={"at_s": from_s + step.at_s}) for step in steps)
+    found = sorted(moved, key=lambda step: step.at_s)
+    ends = [end for i, step in enumerate(found) if (end := _end(step, found[i + 1 :]))]
+    return tuple(sorted([*ends, *found], key=lambda step: step.at_s))
 
 
 def _end(step: Step, later: list[Step]) -> Step | None:

@@ -279,3 +279,95 @@ def test_an_obstacle_that_moves_is_told_and_is_there_as_far_as_its_step_says(
     for ys in ([n.xyz[1] for n in news], [fault.vector[1] for fault in run.faults]):
         assert ys == sorted(ys)
         assert not ys or ys[-1] == pytest.approx(0.9, abs=0.06)
+
+
+# --- steps that wait ----------------------------------------------------------------------------
+
+WAITS = """
+    duration_s = 1.0
+    [[step]]
+    at_s = 0.2
+    "operator/speed" = { factor = 0.5 }
+    [[step]]
+    at_s = 0.2
+    until = { force_n = 5.0, timeout_s = 2.0 %s }
+    [[step]]
+    at_s = 0.3
+    "operator/speed" = { factor = 0.1 }
+"""
+OTHERWISE = ', else = [{ at_s = 0.4, "operator/speed" = { factor = 0.9 } }]'
+
+
+def felt(make_state, from_s, play):
+    """Return states whose tool presses with 6 N from a time on, and that echo what was heard."""
+
+    def made(**told):
+        pressed = (6.0, 0.0, 0.0, 0.0, 0.0, 0.0) if play[0].ms >= 1000 * from_s else (0.0,) * 6
+        heard = {"operator/speed": play[0].player.client.seq}
+        return make_state(wrench_mrf=pressed, last_seq=heard, **told)
+
+    return made
+
+
+@pytest.fixture
+def pressed(play, make_state):
+    """Return what plays a script against a tool that presses from a time on."""
+
+    def run(text, from_s, until_s=9.0):
+        made = []
+        made.append(play(text))
+        made[0].make_state = felt(make_state, from_s, made)
+        return made[0].until(until_s)
+
+    return run
+
+
+def test_the_scripts_time_stands_still_until_what_it_waits_for_is_so(pressed):
+    run = pressed(WAITS % "", from_s=1.5)
+    first, second = run.times(t.SPEED)
+    assert first == pytest.approx(run.player.start_s + 0.2, abs=2e-3)
+    assert second == pytest.approx(1.5 + 0.1, abs=0.015)
+    assert run.player.phase is Phase.OVER
+    assert run.ms / 1000 == pytest.approx(second + 0.7, abs=5e-3)
+
+
+def test_what_is_waited_for_in_vain_fails_the_script_in_words(pressed):
+    run = pressed(WAITS % "", from_s=99.0)
+    assert run.player.phase is Phase.FAILED
+    assert run.player.failure == "0.2 s: after 2 s: force_n: 0, at least 5 is expected"
+    assert len(run.times(t.SPEED)) == 1
+
+
+def test_or_else_other_steps_take_the_place_of_the_rest(pressed, daemon):
+    run = pressed(WAITS % OTHERWISE, from_s=99.0)
+    assert run.player.phase is Phase.OVER
+    assert [message.factor for message in daemon.of(t.SPEED)] == [0.5, 0.9]
+    first, second = run.times(t.SPEED)
+    assert second - first == pytest.approx(2.0 + 0.4, abs=5e-3)
+
+
+def test_a_state_that_has_not_heard_what_was_said_before_is_not_waited_on(play, make_state):
+    run = play(WAITS % "")
+    run.make_state = lambda **told: make_state(wrench_mrf=(6.0,) + (0.0,) * 5, last_seq={}, **told)
+    assert run.until(9.0).player.failure == "0.2 s: after 2 s: not heard yet"
+
+
+@pytest.mark.parametrize(
+    ("wait", "words"),
+    [
+        ({"timeout_s": 1.0}, "something to wait for is expected"),
+        ({"timeout_s": 1.0, "force_n": -1.0}, "greater than 0"),
+        ({"force_n": 1.0}, "required"),
+        (
+            {
+                "force_n": 1.0,
+                "timeout_s": 1.0,
+                "else": [{"at_s": 0.0, "until": {"at_goal": True, "timeout_s": 1.0}}],
+            },
+            "nothing of it in its else",
+        ),
+    ],
+)
+def test_a_wait_that_makes_no_sense_is_refused(wait, words):
+    with pytest.raises(ValueError, match=words):
+        Script.model_validate({"duration_s": 1.0, "step": [{"at_s": 0.0, "until": wait}]})
