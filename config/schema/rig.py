@@ -211,6 +211,12 @@ class WallSection(Section):
     damping: float = Field(300.0, ge=0, le=1e5, description="of the slide [N·s/m]")
     mass: float = Field(1.0, gt=0, le=1000, description="of the plate [kg]")
 
+    @model_validator(mode="after")
+    def _has_a_side(self) -> "WallSection":
+        if not any(self.normal):
+            raise ValueError("'normal' must not be zero")
+        return self
+
 
 class BoxSection(Section):
     """A fixed box, such as a table."""
