@@ -85,6 +85,11 @@ def _report(made: Made) -> list[str]:
             f"{arm.name}: {reach}",
             f"{arm.name}: the tool is at {arm.tip}, MRF {ahead:.0f} mm off",
         ]
+        if not draft.push:
+            lines += [
+                f"{arm.name}: its {len(drives)} joints cannot go straight at a wall: "
+                "the script does not push"
+            ]
         if arm.standing:
             lines += [f"{arm.name}: stands on joints that are held: {', '.join(arm.standing)}"]
         if arm.fingers:

@@ -113,7 +113,7 @@ class Draft:
     reach: float = 1.0  # how far from Base the tool gets [m]
     singular_region: float = 0.05
     length: float = 0.3  # weighs radians against metres [m]
-    push: float = 10.0  # force of the default script on the wall [N]
+    push: float = 10.0  # force of the default script on the wall; 0: it does not push [N]
     fits: list[Fit] = field(default_factory=list)  # capsules of its links, and of what stands
     passes: list[Array] = field(default_factory=list)  # postures that the script leads it through
     port: int = 43210

@@ -17,7 +17,7 @@ from ..checks.loops import stability
 from .capsules import Array
 from .draft import HOLDS, Draft, cell_name, drive_of, path_from, range_of, set_strength, text_of
 from .robot import UrdfArm, beyond, carried_mass
-from .study import BALL, GRANTED, GradedPosture, Solid, Study, ToolSide, by_design
+from .study import BALL, GradedPosture, Solid, Study, ToolSide, by_design
 
 # --- The default script of a cell that `init` makes: it moves, stops, and touches a wall ----------
 WITHIN = 0.2  # the push on the wall is expected within this part of what is asked for [1]
@@ -33,14 +33,15 @@ class ScriptFigures(NamedTuple):
     forward: Array  # direction of the wall (3,)
     approach: tuple[float, float]  # speed of the stick towards it [m/s], and how long [s]
     press: float  # speed of the stick that pushes [m/s]
-    force: float  # force that follows from it [N]
+    force: float  # force that follows from it [N]; 0: no push, the arm cannot go straight
     press_s: float  # time of the push [s]
 
 
 def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
     """Return the script's file: of an only arm, which has no name here, or of several.
 
-    Each moves while the others stand at `ready`; the first one ends on the wall.
+    Each moves while the others stand at `ready`; the first one ends on the wall, where it can go
+    straight.
     """
     at = 0.2
     steps = [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}') for arm in plans]
@@ -50,22 +51,24 @@ def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
         more, at = _moves(plans[arm], arm, at, stopped=arm == first)
         steps += more
     plan = plans[first]
-    speed, lasts = plan.approach
-    toward = np.concatenate([plan.forward, np.zeros(3)])
-    steps += [
-        "# into the wall: speed / force gain is the force that it settles at",
-        _stick(first, at, speed * toward),
-    ]
-    at += lasts
-    steps += [_stick(first, at, plan.press * toward)]
-    at += plan.press_s
-    words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
-    least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
+    words, expected = f"{name}: a stick, a stop, and a pose", ""
+    if plan.force:
+        speed, lasts = plan.approach
+        toward = np.concatenate([plan.forward, np.zeros(3)])
+        steps += [
+            "# into the wall: speed / force gain is the force that it settles at",
+            _stick(first, at, speed * toward),
+            _stick(first, at + lasts, plan.press * toward),
+        ]
+        at += lasts + plan.press_s
+        words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
+        least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
+        expected = f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n"
     head = [
         f'description = "{words}"',
         f"duration_s = {at:.1f}",
         '\n[expect]\nmode = "enabled"',
-        f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n",
+        expected,
     ]
     return "\n".join([*head, *steps])
 
@@ -122,7 +125,9 @@ HARDEST: Final = 100.0
 HUNTS: Final = 8e-5
 """Drives with friction place a tool no better: what that presses is lost in a push [m]."""
 QUIET: Final = 0.3  # a force loop of this gain, K_F k T, does not ring [1]
-PRESS_S: Final = 4.0  # a push lasts so long, where the arm goes straight [s]
+STRAIGHT: Final = 0.99
+"""An arm that goes less of a straight way slides along a wall: friction decides what it presses."""
+PRESS_S: Final = 4.0  # a push lasts so long [s]
 GRAVITY: Final = 9.81  # [m/s²]
 WALL_HALF: Final = 0.07
 """Radius of rods that stand for the wall where another arm is planned beside it [m]."""
@@ -182,7 +187,7 @@ def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
             _gains(draft, bench)
             drafts.append(draft)
             press = draft.push * draft.gain[0]
-            press_s = plan.press_s + SHORT_OF_WALL / press
+            press_s = plan.press_s + SHORT_OF_WALL / press if press else 0.0
             plans.append(plan._replace(press=press, force=draft.push, press_s=press_s))
             bench.beside += _around(draft, bench.study(draft))
         if len(drafts) > 1:
@@ -350,13 +355,11 @@ def _plan(
     most = float((0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min())
     draft.push = float(f"{min(least, HARDEST, most):.2g}")
     pose = study.tool_pose(target).to_xyz_rpy()
-    granted = max(GRANTED, min(1.0, study.granted(q, toward)))
-    press_s, approach = PRESS_S, (TO_WALL - SHORT_OF_WALL) / 0.03
-    if granted < 0.99:
-        press_s, approach = PRESS_S / granted, TO_WALL / 0.03 / granted + 1.0
+    if study.granted(q, toward) < STRAIGHT:
+        draft.push = 0.0
     return ScriptFigures(
         moved_s, stick, (np.array(pose[:3]), np.array(pose[3:])), target_s, d,
-        (0.03, approach), 0.0, draft.push, press_s,
+        (0.03, (TO_WALL - SHORT_OF_WALL) / 0.03), 0.0, draft.push, PRESS_S,
     )  # fmt: skip
 
 

@@ -35,9 +35,10 @@ class Trials(Runs[UrdfTrial]):
     def lines(self) -> list[str]:
         """Return a line for each arm, then what speaks against any."""
         rows = [
-            f"{run.name:16} {run.joints} joints, pose {1e3 * run.pose_m:.2f} mm, push "
-            f"{run.force_n:.2f} N, clearance {1e3 * run.clearance_m:.1f} mm, capsules "
-            f"{run.ratio:.2f} × hulls, {run.init_s:.0f} s to motion"
+            f"{run.name:16} {run.joints} joints, pose {1e3 * run.pose_m:.2f} mm, "
+            f"{f'push {run.force_n:.2f} N' if run.force_n else 'no push'}, clearance "
+            f"{1e3 * run.clearance_m:.1f} mm, capsules {run.ratio:.2f} × hulls, "
+            f"{run.init_s:.0f} s to motion"
             for run in self.runs
         ]
         if pictures := sorted(

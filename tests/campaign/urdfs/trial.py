@@ -46,6 +46,7 @@ class UrdfTrial:
     joints: int = 0
     pose_m: float = float("nan")
     force_n: float = float("nan")
+    """0 where `init` plans no push, as the arm cannot go straight."""
     clearance_m: float = float("nan")
     ratio: float = float("nan")
     """Volume of capsules by that of hulls, mean over the links that have meshes [1]."""
@@ -96,7 +97,7 @@ def _tried(
         init_s = time.monotonic() - began
         pushed = simulate(out)
         reasons += _against("push", pushed)
-        force = float(str(pushed.summary["contact_force_n"]))
+        force = float(str(pushed.summary["contact_force_n"])) if made.draft.push else 0.0
         if abs(force - made.draft.push) > FORCE * made.draft.push + NOISE_N:
             reasons.append(f"the push is {force:.3g} N, planned {made.draft.push:.3g} N")
         if drawn:
