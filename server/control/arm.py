@@ -1,27 +1,242 @@
-"""One mechanism with its task: what it is asked for in a tick, and what became of that."""
+"""One arm in a tick: the sum of its task's sources as joint rates, and what became of that."""
 
 import math
-from typing import Final, Self
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Final, NamedTuple, Self
+
+import numpy as np
 
 from ...config.load import Cell
-from .actuation.actuation import Now
-from .asking import ArmController, ArmMeasurement, DesiredRates, Stages, path_of_mrf
+from .actuation.actuation import (
+    Actuation,
+    BySpeed,
+    ByTorque,
+    HoldingTorque,
+    Now,
+    OnWheels,
+    by_position,
+)
+from .actuation.torque import TorqueLaw
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, Clear
 from .barriers.clearance import BarrierInputs
-from .bodies.body import Builder, SerialArm
+from .barriers.rows import JointLimits
+from .bodies.body import (
+    Builder,
+    Environment,
+    Insertion,
+    JointRates,
+    RateRequest,
+    SerialArm,
+)
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
-from .hold import MOVED
-from .mechanism.field import advance_offset, on_path
-from .mechanism.joint_rates import at_posture
-from .mechanism.model import Kinematics, Mechanism
+from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
+from .mechanism.field import Field, advance_offset, on_path
+from .mechanism.joint_rates import FOLDING, JointMotion, at_posture
+from .mechanism.model import Dynamics, Kinematics, Mechanism
+from .mechanism.redundancy import Near, ObjectiveGains, Redundancy
+from .mechanism.resolution import resolve
+from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
-from .spatial import Array, Pose, sizes
+from .proximity.capsules import Capsules, Placed
+from .spatial import Array, Motion, Pose, sizes, wrench_to
 from .state import Inputs, Intent, Memory, Output, Settings
 from .stop.limiter import Limited
-from .task.source import Granted
-from .task.task import TaskMemory
+from .stop.profile import Stop
+from .task.source import NO_TWIST, Asked, Context, Granted, Pursuit
+from .task.sources import joint_share
+from .task.task import Quantities, Task, TaskMemory
+
+# --- Actuation by operation mode ------------------------------------------------------------------
+
+
+def actuation(p: Parameters, mechanism: Mechanism) -> Actuation:
+    """Return the actuation of a cell's operation mode."""
+    if p.operation_mode == "csv":
+        return BySpeed(p.joints, p.torque.speed_gain)
+    if p.operation_mode != "cst":
+        if mechanism.rolling is not None:
+            return OnWheels(BySpeed(p.joints, p.torque.speed_gain))
+        return by_position
+    law = TorqueLaw(
+        Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),
+        p.torque,
+        p.friction,
+        p.max_torque,
+        p.resolve.characteristic_length,
+        p.period_s,
+        p.max_torque_rate,
+        p.T_wrist_tool,
+        p.rated_payload,
+    )
+    return ByTorque(
+        p.joints.names,
+        law,
+        wrench_of_bias=_wrench_of_bias(p),
+        most=p.max_torque,
+        most_step=p.max_torque_rate * p.period_s,
+    )
+
+
+def _wrench_of_bias(p: Parameters) -> Array | None:
+    """Return what makes a wrench at and in the Wrist of a sensor's bias (6, 6), or None."""
+    T = p.T_wrist_sensor
+    if T is None:
+        return None
+    return np.stack([wrench_to(T, column) for column in p.wrench_calibration.T], axis=1)
+
+
+# --- Joint rates that come beside a task's twists: objectives that are taken whole, and a sweep ---
+#
+# Williams 1997, eq. 7: dq = J⁺ẋ + (1 − J⁺J) z, with ẋ the sum of all sources. Where an
+# objective is taken whole, that is dq = J⁺(ẋ − J z) + z.
+
+_NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
+
+
+class Whole(NamedTuple):
+    """Rates z (n,) of the objectives that are taken whole, by name, and their twists J z (6,)."""
+
+    rates: Mapping[str, Array] = _NOTHING
+    twists: Mapping[str, Array] = _NOTHING
+    folding: Array | None = None
+    """Twist (6,) of an arm that folds, at a gain of 1; None for one that does not."""
+
+    def left(self, twists: Mapping[str, Array]) -> Array:
+        """Return the sum (6,) of the sources' twists without J z.
+
+        Source by source: what the others ask for is their sum to the last bit.
+        """
+        apart = {name: twists[name] - own for name, own in self.twists.items()}
+        return summed({**twists, **apart})
+
+    def added(self, dq: Array, share: float) -> Array:
+        """Return joint rates dq (n,) with a `share` (0 to 1) of these."""
+        for z in self.rates.values():
+            dq = dq + share * z
+        return dq
+
+
+IDLE: Final = Whole()
+
+
+def summed(twists: Mapping[str, Array]) -> Array:
+    """Return the sum (6,) of the sources' twists."""
+    twist = np.zeros(6)
+    for part in twists.values():
+        if part is not NO_TWIST:
+            twist += part
+    return twist
+
+
+def swept(dq: Array, inputs: Inputs) -> Array:
+    """Return joint rates (n,) with that of an axis that sweeps."""
+    sweep = inputs.beside.sweep
+    if sweep is None or inputs.intent is not Intent.MOVE:
+        return dq
+    dq = dq.copy()
+    dq[sweep[0]] = sweep[1]
+    return dq
+
+
+# --- Inputs of a task's sources in one tick, and telemetry of its goal ----------------------------
+
+
+def sample_of(inputs: Inputs) -> SensorReading:
+    """Return the tick's reading of the force/torque sensor."""
+    return SensorReading(inputs.wrench_sensor, inputs.wrench_age_s, inputs.wrench_mean)
+
+
+def context_of(
+    dq: Array,
+    off_path: Array | None,
+    told: WristMemory,
+    near: Near | None,
+    inputs: Inputs,
+    k: Kinematics,
+    wrist: Wrist,
+    lever: Array,
+    wrench: Array | None,
+    hand: Array | None,
+) -> Context:
+    """Return what the sources see; `near` is what is near the control points now.
+
+    Joints are commanded to go at `dq` (n,) [rad/s], the virtual link has the tool `off_path` (3,)
+    [m], `told` is what the sensor of the `wrist` told. `lever` (3,) leads from the MRF to where it
+    was at start [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of the
+    newest and of the mean readings.
+    """
+    settings, moving, moved = inputs.settings, inputs.intent is Intent.MOVE, inputs.moved
+    mrf, led = settings.T_wrist_mrf, inputs.T_wrist_goal
+    asked = Asked(
+        T_wrist_mrf=mrf,
+        T_world_crf=settings.T_world_crf,
+        redefined=settings.redefined,
+        ground=inputs.ground,
+        speed_factor=settings.speed_factor,
+        stick=inputs.stick,
+        goal=inputs.goal if moving and inputs.posture is None else None,
+        T_wrist_goal=mrf if led is None else led,
+        paused=inputs.paused,
+        view=inputs.view,
+        wrench_desired=inputs.wrench_desired,
+        R_world_wrench=inputs.R_world_wrench,
+    )
+    return Context(
+        asked=asked,
+        moving=moving,
+        guided=moving and inputs.posture is None and inputs.jog is None,
+        holding=inputs.intent is Intent.HOLD,
+        T_world_wrist=k.T_world_wrist,
+        T_world_mrf=k.T_world_mrf,
+        twist=k.J.dot(dq),
+        lever=lever,
+        moved=moved,
+        ground=None if moved is None else moved.body(inputs.ground),
+        carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
+        wrench=wrench,
+        hand=hand,
+        wrench_at=partial(wrist.wrench_mrf, told),
+        load=told.load,
+        precedence=0.0 if near is None else near.alpha,
+        off_path=off_path,
+        untold=settings.untold,
+    )
+
+
+def quantities(wrist: WristMemory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
+    """Return what gains may depend on."""
+    wrench = wrist.wrench.wrench
+    target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
+    way = None
+    if target is not None:
+        led = inputs.T_wrist_goal
+        way = target.p - (k.T_world_mrf if led is None else k.T_world_wrist @ led).p
+    return Quantities(
+        contact_force=None if wrench is None else sizes(wrench)[0],
+        distance=None if way is None else math.sqrt(float(way @ way)),
+        time=time_s,
+    )
+
+
+def path_of_mrf(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where the path has the MRF in World, from where it has the point that it leads."""
+    T, led = _in_world(inputs, T), inputs.T_wrist_goal
+    if T is None or led is None:
+        return T
+    return T @ (led.inverse() @ inputs.settings.T_wrist_mrf)
+
+
+def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
+    """Return where a pose on the present ground is in World."""
+    ground = None if inputs.moved is None else inputs.moved.body(inputs.ground)
+    return T if ground is None or T is None else ground.T @ T
+
+
+# --- One arm --------------------------------------------------------------------------------------
 
 SLID = 0.99
 """A tool that does less than this part of what its path does has been turned off it [1]."""
@@ -35,17 +250,78 @@ STANDING = 1e-9
 BODIES: Final = (BackboneArm, WheeledArm, SerialArm)
 """Kinds of bodies; a mechanism's is the first that the cell has a section for."""
 
+TOUCHING = 3e-3
+"""Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
+
+
+class DesiredRates(NamedTuple):
+    """Joint rates asked for, the twists behind them, and what they were computed from."""
+
+    dq: Array
+    twists: dict[str, Array]
+    twist: Array
+    scale: float
+    limits: tuple[str, ...]
+    found: JointRates
+    """What the body resolved, before anything came beside it."""
+    by_joint: bool = False
+    """The joints are commanded themselves: jogged, or led to a posture."""
+    stance: Stance = STANDS
+    """How the arm meets what comes."""
+
+
+class ArmMeasurement(NamedTuple):
+    """Where the arm is, and what it exerts."""
+
+    kinematics: Kinematics
+    """Of the commanded posture."""
+    placed: Placed | None
+    """Its links, where they are known already."""
+    T_world_wrist_measured: Pose
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad]."""
+    wrench: Array | None
+    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    hand: Array | None
+    """The same of the mean readings."""
+
 
 class Arm:
-    """The control computation of one mechanism and its task."""
+    """One mechanism with its task. Holds constants and scratch memory only, no state of a run."""
 
     def __init__(self, p: Parameters, mechanism: Mechanism, build: Builder = SerialArm) -> None:
         """Build it; `build` makes its body."""
-        self.p = p
-        self.mechanism = mechanism
-        self.stages = Stages(p, mechanism, build)
-        self.body = self.stages.body
-        self.asking = ArmController(p, mechanism, self.stages)
+        self.p, self.mechanism = p, mechanism
+        self.shared: Capsules | None = None
+        """The arm's capsules, where barriers look at the same ones: they are placed once."""
+        T, joints = p.period_s, p.joints
+        self.task = Task(p.sources, p.schedules, p.shaping)
+        contact = ContactWrench(
+            p.T_wrist_sensor or Pose.identity(),
+            p.wrench_smoothing,
+            T,
+            p.wrench_calibration,
+            p.wrench_inertia,
+            p.limits.acceleration,
+        )
+        self.wrist = Wrist(contact, p.payload, T)
+        dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+        self.redundancy = Redundancy(joints, dynamics, p.redundancy, p.pull_posture)
+        field = Field(joints, p.potential, p.capsules, mechanism.rank)
+        self.body = build(p, mechanism, self.redundancy, field)
+        room = JointLimits.of(joints, T)
+        self.joint_motion = JointMotion(joints.velocity, room.approach)
+        self.retreat = None
+        if p.retreat_leash is not None:
+            self.retreat = Retreat(
+                p.retreat_leash, T, bound=self.body.on_curve, gives_way=p.gives_way
+            )
+        self.standing = Standing(p.avoidance, p.capsules, joints.velocity)
+        self.actuate = actuation(p, mechanism)
+        self.holding = HoldingTorque(
+            Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor),
+            None if p.T_wrist_sensor is None else p.payload,
+        )
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
@@ -56,27 +332,311 @@ class Arm:
 
     def seed(self, q: Array) -> Memory:
         """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
-        return self.asking.seed(q)
+        return Memory(
+            motion=Motion.at_rest(q),
+            stop=Stop.at_rest(q),
+            sent=(q, q, q),
+            objectives=self.redundancy.objectives,
+            task=self.task.idle,
+            retreat=None if self.retreat is None else self.retreat.start,
+        )
 
-    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
-        """Return where the command has the MRF, in World."""
-        return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
+    def seeded(self, memory: Memory, inputs: Inputs) -> Memory:
+        """Return the memory of an arm at rest where its joints are; drives that are on keep theirs.
 
-    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
-        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
-        mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
-        return self.stages.wrist.weight(T_world_mrf, mrf, payload, bias)
-
-    def locked_joints(self, memory: Memory) -> dict[str, float]:
-        """Return the angles of joints that stand and do not follow, by name [rad].
-
-        Looked for where an arm goes through a tunnel, and cannot leave its curve.
+        What the torque law and a grasp remember stays.
         """
-        locked = None if memory.insertion is None else memory.insertion.locked
-        if locked is None:
-            return {}
-        each = zip(self.p.joints.names, locked.tolist(), strict=True)
-        return {name: angle for name, angle in each if not math.isnan(angle)}
+        q = inputs.q_measured
+        if inputs.energised is not None:
+            q = np.where(inputs.energised, memory.motion.q, q)
+        return evolve(self.seed(q), torque=memory.torque, held=memory.held)
+
+    def solve(self, memory: Memory, inputs: Inputs) -> tuple[Memory, ArmMeasurement, DesiredRates]:
+        """Return what the task asks of the joints, and what that was computed from."""
+        moved = inputs.moved
+        T_world_wrist_measured = self.mechanism.pose_wrist(
+            inputs.q_measured, None if moved is None else moved.T_world_base_measured
+        )
+        wrist = self.measured(memory, inputs, T_world_wrist_measured)
+        if inputs.intent is Intent.SEED:
+            memory = self.seeded(memory, inputs)
+        motion, mrf = memory.motion, inputs.settings.T_wrist_mrf
+        base = None if moved is None else moved.base.T
+        k = self.mechanism.kinematics(motion.q, mrf, base)
+        task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
+        placed, near = None, memory.near
+        if self.shared is not None and inputs.settings.avoid:
+            placed = self.shared.place(motion.q[None], base)
+        if self.p.priority is not None:
+            near = self.p.priority.look(motion.q, inputs.scene, near, base)
+        wrench = self.wrist.wrench_mrf(wrist, mrf)
+        hand = self.wrist.hand_mrf(wrist, mrf)
+        # A new MRF is no new point of the tool: singularities and shaped rates are told there.
+        lever = k.T_world_wrist.R.dot(self.p.T_wrist_tool.p - mrf.p)
+        context = context_of(
+            motion.dq, task.off_path, wrist, near, inputs, k,
+            self.wrist, lever, wrench, hand,
+        )  # fmt: skip
+        whole = self._whole(inputs, motion.q, k, objectives)
+        if whole is not IDLE:
+            context = context._replace(folding=whole.folding)
+        task, twists = self.task.twists(task, context)
+        around = Environment(inputs.scene, near, base, placed, wrench)
+        stance = self._stance(memory, inputs, task, twists, k, placed)
+        acting, settled = objectives, inputs.at_posture
+        if settled and stance.alert and self._roused(stance, inputs):
+            acting, settled = self.standing.of_outside(objectives), False
+        asked = self.resolved(
+            motion.q, twists, acting, task.off_path,
+            inputs if settled is inputs.at_posture else evolve(inputs, at_posture=False),
+            k, lever, around, memory.insertion, whole,
+            (memory.sent[1], inputs.q_measured),
+        )  # fmt: skip
+        asked = self._coming_back(stance, inputs, motion.q, k, asked)
+        if inputs.beside.sweep is not None:
+            asked = asked._replace(dq=swept(asked.dq, inputs))
+        error = memory.sent[1] - inputs.q_measured
+        retreat, asked = self._giving_way(memory, inputs, k, asked, error)
+        share = self.body.wall_scale(asked.found, motion.q, error, asked.dq)
+        if share < 1.0:
+            asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
+        memory = evolve(
+            memory,
+            wrist=wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s if inputs.intent is Intent.MOVE else None,
+            near=near,
+            retreat=retreat,
+            insertion=asked.found.insertion,
+        )
+        return memory, ArmMeasurement(k, placed, T_world_wrist_measured, error, wrench, hand), asked
+
+    def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
+        """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
+        wrist, settings = self.wrist, inputs.settings
+        return wrist.measure(
+            memory.wrist,
+            sample_of(inputs),
+            wrist.load(settings.payload, settings.wrench_bias),
+            T_world_wrist,
+            inputs.time_s,
+            inputs.moved,
+            memory.max_tool_acceleration,
+            at_once=inputs.intent is Intent.SEED,
+        )
+
+    # --- gains -------------------------------------------------------------------------------
+
+    def tuned(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory
+    ) -> tuple[TaskMemory, ObjectiveGains, float]:
+        """Return the gains in effect: of the task and of the redundancy objectives.
+
+        They are scheduled, and ramped while moving. And since when the arm may move [s].
+        """
+        settings, moving = inputs.settings, inputs.intent is Intent.MOVE
+        objectives = settings.objectives or self.redundancy.objectives
+        since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
+        task = self.task.tuned(
+            memory.task,
+            settings.gains,
+            lambda: quantities(wrist, inputs, k, inputs.time_s - since_s),
+            moving,
+            settings.at_once,
+        )
+        if moving and memory.task.gains:
+            objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
+        return task, objectives, since_s
+
+    # --- what is asked for -------------------------------------------------------------------
+
+    def resolved(
+        self,
+        q: Array,
+        twists: dict[str, Array],
+        objectives: ObjectiveGains,
+        off_path: Array | None,
+        inputs: Inputs,
+        k: Kinematics,
+        lever: Array,
+        around: Environment,
+        insertion: Insertion | None = None,
+        whole: Whole = IDLE,
+        following: tuple[Array, Array] | None = None,
+    ) -> DesiredRates:
+        """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
+
+        At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
+        objectives have to be taken as it is; `following` are the joints (n,) as they were commanded
+        and measured at one instant.
+        """
+        twist = summed(twists)
+        left = twist if whole is IDLE else whole.left(twists)
+        joint_rates = None
+        if inputs.intent is Intent.MOVE:
+            joint_rates = self.joint_motion.rates(
+                q, inputs.jog, inputs.posture, inputs.settings.speed_factor
+            )
+            if joint_rates is not None and inputs.jog is None:
+                joint_rates = self.body.with_drive(
+                    joint_rates, inputs.drive, inputs.settings.speed_factor
+                )
+        if joint_rates is not None:
+            relief = twists["force"]
+            twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
+            if relief is not NO_TWIST and around.wrench is not None:
+                joint_rates = self._relieved(joint_rates, relief, k.J, around.wrench)
+            twist = k.J @ joint_rates
+        s_tool = self.tool_share(twist, inputs.settings.speed_factor)
+        limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
+        if joint_rates is not None:
+            found = JointRates(s_tool * joint_rates, self.redundancy.none())
+            return DesiredRates(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
+        if inputs.settings.contact_share < 1.0:
+            s_tool *= inputs.settings.contact_share
+            limits += ("contact",)
+        request = RateRequest(
+            left if s_tool == 1.0 else s_tool * left,
+            lever,
+            objectives,
+            inputs.settings.speed_factor,
+            inputs.intent is Intent.MOVE and not inputs.at_posture,
+            off_path,
+            inputs.goal is not None,
+            inputs.intent is Intent.MOVE,
+            inputs.intent is Intent.SEED,
+            inputs.ground == "base",
+            inputs.drive,
+            insertion,
+            following,
+            None if self.p.T_wrist_sensor is None else inputs.settings.payload or self.p.payload,
+        )
+        found = self.body.rates(q, k, request, around)
+        dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
+        return DesiredRates(dq, twists, twist, s_tool, limits + found.limits, found)
+
+    def _whole(self, inputs: Inputs, q: Array, k: Kinematics, objectives: ObjectiveGains) -> Whole:
+        """Return what is taken whole at the commanded posture q (n,), whose kinematics are `k`.
+
+        Joints that are led themselves do not fold.
+        """
+        fold = inputs.beside.fold
+        led = inputs.posture is not None or inputs.jog is not None
+        if fold is None or led or inputs.intent is not Intent.MOVE:
+            return IDLE
+        z = fold.rates(q, k.J, self.joint_motion, inputs.settings.speed_factor)
+        rates = self.redundancy.whole(q, k.J, objectives, {FOLDING: z})
+        return Whole(rates, {name: k.J @ rates[name] for name in rates}, k.J @ z)
+
+    def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
+        """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
+
+        `relief` (6,) is the twist that force control asks for, `wrench` (6,) what the arm exerts.
+        All joints relieve it, as quick as they are: no attitude of the tool is asked for.
+        """
+        towards = J[:3].T @ relief[:3]
+        if float(towards @ joint_rates) < 0.0:
+            threshold = self.p.sources.force.hold_threshold
+            joint_rates = joint_share(sizes(wrench)[0], threshold) * joint_rates
+        back = self.body.relief * towards
+        speed, along = float(relief[:3] @ relief[:3]), float(towards @ back)
+        most = float((self.p.joints.velocity / np.maximum(np.abs(back), 1e-12)).min())
+        return np.asarray(joint_rates + min(speed / max(along, 1e-12), most) * back)
+
+    def _stance(
+        self,
+        memory: Memory,
+        inputs: Inputs,
+        task: TaskMemory,
+        twists: dict[str, Array],
+        k: Kinematics,
+        placed: Placed | None,
+    ) -> Stance:
+        """Return how the arm meets what comes: as one that is told to move, or one that stands."""
+        moving, pushed = inputs.intent is Intent.MOVE, inputs.pushed
+        if moving and self._told(task, twists, inputs):
+            return COMMANDED
+        standing, station = self.standing, memory.station
+        felt = pushed is not None and pushed.touched
+        # Where Base moves, joints that stand are nowhere in World.
+        held = inputs.intent is Intent.HOLD
+        if felt or inputs.moved is not None or not standing.may_leave(moving, held):
+            return STANDS
+        led = inputs.goal is not None
+        if station is not None and standing.is_home(station, memory.motion.q, k.T_world_mrf.p, led):
+            station = None
+        return standing.stance(station, memory.motion.q, placed)
+
+    def _told(self, task: TaskMemory, twists: dict[str, Array], inputs: Inputs) -> bool:
+        """Return whether the arm is told to move; staying where a goal has led it is not."""
+        position = task.position
+        over = position.path is not None and position.path.finished
+        if isinstance(inputs.goal, Pursuit) or not (over or inputs.paused):
+            return self.ordered(twists, inputs)
+        return self.ordered({**twists, "position": NO_TWIST}, inputs)
+
+    def _roused(self, stance: Stance, inputs: Inputs) -> bool:
+        """Return whether an arm at a posture looks for a better one: something comes, or came."""
+        comes = inputs.scene is not None and inputs.scene.comes
+        return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
+
+    def _coming_back(
+        self, stance: Stance, inputs: Inputs, q: Array, k: Kinematics, asked: DesiredRates
+    ) -> DesiredRates:
+        """Add the way back of an arm that is off its station, where no goal leads it there.
+
+        Contact holds it: what is there now may not be known.
+        """
+        asked, station = asked._replace(stance=stance), stance.station
+        if station is None:
+            return asked
+        dq, limits = asked.dq, (*asked.limits, "off_station")
+        if asked.twists["position"] is NO_TWIST and max(sizes(asked.twists["force"])) < TOUCHING:
+            standing, factor = self.standing, inputs.settings.speed_factor
+            back = standing.back(station, q, k.J, factor)
+            if stance.tool_stays:
+                twist = factor * standing.tool_back(station, k.T_world_mrf)
+                found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
+                back = found.dq + found.null.T @ (found.null @ back)
+            dq = dq + back
+        return asked._replace(dq=dq, limits=limits)
+
+    def _giving_way(
+        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: DesiredRates, error: Array
+    ) -> tuple[RetreatState | None, DesiredRates]:
+        """Add what gives way after a touch to the joint rates asked for."""
+        if self.retreat is None or memory.retreat is None:
+            return memory.retreat, asked
+        q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
+        step = self.retreat.step
+        relieving = asked.by_joint and asked.twists["force"] is not NO_TWIST
+        held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
+        state, dq = step(
+            memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving, held_up
+        )
+        return state, asked if dq is asked.dq else asked._replace(dq=dq)
+
+    def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
+        """Return whether anything but accommodation tells the arm to move.
+
+        News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
+        """
+        told = inputs.jog is not None or inputs.posture is not None
+        told = told or bool(np.count_nonzero(inputs.wrench_desired))
+        return told or self.task.orders(twists)
+
+    def tool_share(self, twist: Array, factor: float) -> float:
+        """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
+        v, w = sizes(twist)
+        limits = self.p.limits
+        return min(
+            1.0,
+            factor * limits.speed / max(v, 1e-12),
+            factor * limits.angular_speed / max(w, 1e-12),
+        )
+
+    # --- what barriers have to know, and what became of it ----------------------------------
 
     def before_barriers(
         self,
@@ -102,7 +662,7 @@ class Arm:
             path=self.body.path(seen.kinematics, inputs.ground == "base"),
             by_joint=asked.by_joint,
             standing=asked.found.n_locked,
-            ordered=not beside or self.asking.ordered(asked.twists, inputs),
+            ordered=not beside or self.ordered(asked.twists, inputs),
             makes_way=asked.stance.makes_way,
             tool_stays=asked.stance.tool_stays,
         )
@@ -118,7 +678,7 @@ class Arm:
         limited: Limited,
     ) -> tuple[Memory, Output]:
         """Return the next memory and what to send, once it is decided how the joints move."""
-        actuated = self.stages.actuate(
+        actuated = self.actuate(
             memory.torque,
             Now(
                 inputs.q_measured,
@@ -140,7 +700,7 @@ class Arm:
             inputs.at_posture and max(asked.found.self_motion.norms.values(), default=0.0) > MOVED
         )
         if station is None and stance.alert and (allowed.made_way or leaves):
-            station = self.stages.standing.begun(memory.stop, seen.kinematics.T_world_mrf)
+            station = self.standing.begun(memory.stop, seen.kinematics.T_world_mrf)
         accelerated = sizes(seen.kinematics.J.dot(limited.motion.ddq))[0]
         memory = evolve(
             memory,
@@ -203,7 +763,7 @@ class Arm:
             share, 0.0 if stopped else pace, scale < SLID * pace, asked.twist, k.T_world_mrf
         )
         off_path = advance_offset(memory.off_path, asked.found.give_way, share * self.p.period_s)
-        return self.stages.task.advanced(memory, granted, off_path)
+        return self.task.advanced(memory, granted, off_path)
 
     def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
         if inputs.intent is not Intent.MOVE:
@@ -213,3 +773,25 @@ class Arm:
         if (arrived := self.body.arrived(memory.insertion, inputs.drive)) is not None:
             return arrived
         return memory.task.position.at_goal and on_path(memory.task.off_path)
+
+    # --- what others ask of an arm ----------------------------------------------------------
+
+    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
+        """Return where the command has the MRF, in World."""
+        return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
+
+    def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
+        """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
+        mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
+        return self.wrist.weight(T_world_mrf, mrf, payload, bias)
+
+    def locked_joints(self, memory: Memory) -> dict[str, float]:
+        """Return the angles of joints that stand and do not follow, by name [rad].
+
+        Looked for where an arm goes through a tunnel, and cannot leave its curve.
+        """
+        locked = None if memory.insertion is None else memory.insertion.locked
+        if locked is None:
+            return {}
+        each = zip(self.p.joints.names, locked.tolist(), strict=True)
+        return {name: angle for name, angle in each if not math.isnan(angle)}

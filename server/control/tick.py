@@ -19,8 +19,7 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from .arm import Arm
-from .asking import ArmMeasurement, DesiredRates
+from .arm import Arm, ArmMeasurement, DesiredRates
 from .barriers.barriers import Allowed, Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
@@ -68,7 +67,7 @@ class Control:
             T,
         )
         if guard is not None and len(self.arms) == 1 and guard.capsules is p.capsules:
-            self.arms[0].asking.shared = guard.capsules
+            self.arms[0].shared = guard.capsules
 
     @classmethod
     def of(cls, cell: Cell) -> Self:
@@ -108,15 +107,15 @@ class Control:
         told, members = inputs, members_of(on)
         if on:
             inputs = [members[i].inputs if i in members else x for i, x in enumerate(inputs)]
-        asked, before, asking = [], [], []
+        asked, before, barred = [], [], []
         for i, (arm, last, given) in enumerate(zip(self.arms, memories, inputs, strict=True)):
             if i in members:
                 memory, _, seen, wanted, *_ = members[i]
             else:
-                memory, seen, wanted = arm.asking.ask(last, given)
+                memory, seen, wanted = arm.solve(last, given)
             asked.append((seen, wanted))
             before.append(memory)
-            asking.append(arm.before_barriers(memory, given, seen, wanted, beside))
+            barred.append(arm.before_barriers(memory, given, seen, wanted, beside))
         first = inputs[0]
         around = Surroundings(
             before[0].levels,
@@ -127,7 +126,7 @@ class Control:
             first.moved.base if first.moved is not None and len(self.arms) == 1 else None,
             asked[0][0].placed,
         )
-        allowed, clear = self.allow.nearest(asking, around, [each.link for each in on])
+        allowed, clear = self.allow.nearest(barred, around, [each.link for each in on])
         limited = self._limit(before, first, allowed, clear, on, self._of_bodies(before, asked))
         refusal = self.gate.refusal(limited.motion.q, self._sent(before))
         limits = (limited,) if len(self.arms) == 1 else tuple(map(limited.of, self.parts))

@@ -70,7 +70,7 @@ class Perception:
                 twists, self._T_world_mrf = output.twists, output.T_world_mrf_measured
                 # Of the MRF that the tick was about: arms that hold a payload have another one.
                 told = commands.settings
-                weight = self._arm.stages.wrist.weight(
+                weight = self._arm.wrist.weight(
                     self._T_world_mrf, output.T_wrist_mrf, told.payload, told.wrench_bias
                 )
             self.sensor.update(reading, weight, twists)

@@ -246,7 +246,7 @@ class Unit:
     def holding(self, q: Array) -> Array:
         """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
         payload, moved = self.commands.settings.payload, self.commands.frames.moved
-        return self.arm.stages.holding(q, payload, moved.T_world_base_measured.R)
+        return self.arm.holding(q, payload, moved.T_world_base_measured.R)
 
     def perceive(self, reading: UnitReading, mode: Mode, now_s: float) -> None:
         """Update all monitors."""

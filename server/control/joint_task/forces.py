@@ -561,7 +561,7 @@ class GivingWay:
 
     def __init__(self, section: JointTaskSection, arms: Sequence[Arm]) -> None:
         """Build it for the arms that hold the payload."""
-        self._wrists = tuple(arm.stages.wrist for arm in arms)
+        self._wrists = tuple(arm.wrist for arm in arms)
         self._tools = tuple(arm.p.T_wrist_tool for arm in arms)
         self._weights = np.array(section.shares or [(1.0,) * 6] * len(arms))
         self._mass = section.payload.mass

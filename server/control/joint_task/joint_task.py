@@ -9,8 +9,7 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
-from ..arm import Arm
-from ..asking import ArmMeasurement, DesiredRates, context_of, path_of_mrf, quantities
+from ..arm import Arm, ArmMeasurement, DesiredRates, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
 from ..bodies.body import Environment
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
@@ -45,7 +44,7 @@ class Common:
     def __init__(self, section: JointTaskSection, first: Arm, p_wrist_mrf: Array) -> None:
         """Build them; the `first` arm's Wrist has the MRF at `p_wrist_mrf` (3,) at start."""
         self._task = Task(section.sources, section.schedules, first.p.shaping)
-        self._wrist, self._p_wrist_mrf = first.stages.wrist, p_wrist_mrf
+        self._wrist, self._p_wrist_mrf = first.wrist, p_wrist_mrf
         self.idle = self._task.idle
 
     def summed(
@@ -357,8 +356,7 @@ class JointTask:
         intent = Intent.STOP if lost else told.intent
         known = weighed(known, sums, intent, self.arms[0].p.period_s)
         share = min(
-            arm.asking.tool_share(twist + way, factor)
-            for arm, way in zip(self.arms, ways, strict=True)
+            arm.tool_share(twist + way, factor) for arm, way in zip(self.arms, ways, strict=True)
         )
         moving = told.intent is Intent.MOVE
         strained = self._giving_way.strained(forces) if moving else None
@@ -449,9 +447,9 @@ class JointTask:
             memory, own = memories[i], inputs[i]
             T = arm.mechanism.pose_wrist(own.q_measured)
             measured.append(T)
-            wrists.append(arm.asking.measured(memory, own, T))
+            wrists.append(arm.measured(memory, own, T))
             seeding = told.intent is Intent.SEED
-            before.append(arm.asking.seeded(memory, own) if seeding else memory)
+            before.append(arm.seeded(memory, own) if seeding else memory)
         commanded = [
             arm.mechanism.wrist(memory.motion.q)
             for arm, memory in zip(self.arms, before, strict=True)
@@ -472,8 +470,8 @@ class JointTask:
 
         None does that while the payload is `lost`: they would go up and down after their shares.
         """
-        asking = self.arms[i].asking
-        task, objectives, since_s = asking.tuned(of.before, of.inputs, of.kinematics, of.wrist)
+        arm = self.arms[i]
+        task, objectives, since_s = arm.tuned(of.before, of.inputs, of.kinematics, of.wrist)
         gain, at = task.gains.get("force", np.zeros(6)), of.kinematics.T_world_wrist.p
         intent = Intent.STOP if lost else of.inputs.intent
         way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
@@ -500,7 +498,7 @@ class JointTask:
     ) -> Member:
         """Return one arm's part: the common twist and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
-        wanted = arm.asking.resolved(
+        wanted = arm.resolved(
             of.before.motion.q,
             {"common": share * twist, "force": share * tuned.way},
             tuned.objectives,
@@ -524,7 +522,7 @@ class JointTask:
             moving_since_s=tuned.since_s if given.intent is Intent.MOVE else None,
             held=evolve(of.held, force=tuned.force),
         )
-        wrist, mrf = arm.stages.wrist, given.settings.T_wrist_mrf
+        wrist, mrf = arm.wrist, given.settings.T_wrist_mrf
         seen = ArmMeasurement(
             of.kinematics,
             None,
@@ -604,8 +602,8 @@ def let_go(task: JointTask, memories: Sequence[Memory]) -> tuple[Memory, ...]:
 
 def _idle(arm: Arm, memory: Memory) -> Memory:
     """Return the memory of an arm whose task was asked for nothing yet; its gains stay."""
-    idle = arm.stages.task.idle
-    retreat = None if arm.stages.retreat is None else arm.stages.retreat.start
+    idle = arm.task.idle
+    retreat = None if arm.retreat is None else arm.retreat.start
     return evolve(memory, task=idle._replace(gains=memory.task.gains), retreat=retreat)
 
 

@@ -23,7 +23,7 @@ class Wall:
         """Return the sensor's reading (6,): the contact, the payload's weight and the bias."""
         self.forces.append(self.stiffness * max(0.0, self.run.pose.p[0] - self.x))
         control, settings = self.run.arm.control, self.run.settings
-        M = settings.T_wrist_mrf.inverse() @ control.arms[0].stages.wrist.contact.T_wrist_sensor
+        M = settings.T_wrist_mrf.inverse() @ control.arms[0].wrist.contact.T_wrist_sensor
         at_mrf = pin.Force(self.run.pose.R.T @ [self.forces[0], 0, 0], np.zeros(3))
         at_sensor = pin.SE3(M.R, M.p).actInv(at_mrf).vector
         weight = control.arms[0].weight(self.run.pose, settings)

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from telerobot.config.schema.sources import SOURCES
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.spatial import Pose, rotation_rpy
 from telerobot.server.control.state import Inputs, Intent
@@ -42,20 +43,12 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
     inputs = everything_at_once(run, stick)
     for _ in range(100):
         output = run.tick(**inputs)
-        assert set(output.twists) == {
-            "joystick",
-            "position",
-            "vision",
-            "force",
-            "frames",
-            "following",
-            "spring",
-            "reflex",
-        }
+        assert set(output.twists) == {*SOURCES, "frames"}
         total = sum(output.twists.values())
         np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
     assert not output.twists.pop("frames").any()  # nothing moves, nothing was redefined
-    for off in ("following", "spring", "reflex"):
+    busy = {"joystick", "position", "vision", "force"}
+    for off in set(SOURCES) - busy:
         assert not output.twists.pop(off).any()
     assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())
 

@@ -80,7 +80,7 @@ def test_wheels_and_twists_of_a_base_say_the_same():
 def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_the_way):
     """Zhang 2013, eq. 8 with its sign put right: of e = x_d − x is left exp(−K t)."""
     K, dt, n = 1.0, 1e-3, 1000
-    stages, mrf = arm.stages, arm.p.T_wrist_tool
+    stages, mrf = arm, arm.p.T_wrist_tool
     q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
     base = Rolled.at(Pose.identity(), q[:2])
     target = arm.mechanism.pose_wrist(q, base) @ mrf
@@ -103,7 +103,7 @@ def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_t
 
 def test_self_motion_of_base_and_arm_does_not_move_the_tool(arm):
     """The oblique projector: a wish of the arm alone is answered by wheels and arm."""
-    stages, mrf = arm.stages, arm.p.T_wrist_tool
+    stages, mrf = arm, arm.p.T_wrist_tool
     q = np.array([3.0, -2.0, 0.3, -0.5, 0.2, 1.2, 0.1, 0.3, 0.1])
     base = Rolled.at(Pose(rotation_rpy(0.0, 0.0, 0.8), np.array([1.0, 2.0, 0.0])), q[:2])
     k = arm.mechanism.kinematics(q, mrf, base)
@@ -118,7 +118,7 @@ def test_self_motion_of_base_and_arm_does_not_move_the_tool(arm):
 
 
 def test_a_driven_base_goes_as_told_and_the_arm_keeps_the_tool_in_world(arm):
-    stages, mrf = arm.stages, arm.p.T_wrist_tool
+    stages, mrf = arm, arm.p.T_wrist_tool
     q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
     base = Rolled.at(Pose.identity(), q[:2])
     k, twist = arm.mechanism.kinematics(q, mrf, base), np.array([0.0, 0.02, 0.0, 0.0, 0.0, 0.1])
