@@ -52,6 +52,7 @@ class Cause(StrEnum):
     BUS_ERROR = "bus_error"
     BUS_SILENT = "bus_silent"
     SATURATED = "saturated"
+    UNCHANGING = "unchanging"
 
 
 @dataclass(frozen=True)
@@ -282,6 +283,26 @@ class WrenchSensor(Peripheral):
     @abstractmethod
     def mean(self) -> MeanWrench | None:
         """Return the mean of the samples since the last call; None before the first sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class InertialReading:
+    """Newest sample, both halves of one SYNC; until the first one there is none."""
+
+    ready: bool
+    acceleration: NDArray[np.float64] | None
+    """Specific force (3,) [m/s²] less bias, in the unit's axes; None when stale or saturated."""
+    rate: NDArray[np.float64] | None
+    """Angular rate (3,) [rad/s] less bias, in the unit's axes; None when stale or saturated."""
+    trouble: Trouble | None
+
+
+class InertialSensor(Peripheral):
+    """Accelerometer and gyroscope on a link."""
+
+    @abstractmethod
+    def read(self) -> InertialReading:
+        """Return the newest sample."""
 
 
 class SwitchedOutput(Peripheral):

@@ -2,24 +2,31 @@
 
 import struct
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from ...config.schema.cell import TimingSection
 from ...config.schema.mechanism import ImuSection
 from ...protocols.canopen import can301
 from ...protocols.canopen.can301 import PDO_INVALID, NmtState
 from ...protocols.canopen.can301 import CommunicationObject as Com
-from ..device import MOST_MISSED_SYNCS, Cause, Peripheral, Trouble, Value
+from ..device import (
+    MOST_MISSED_SYNCS,
+    Cause,
+    InertialReading,
+    InertialSensor,
+    Trouble,
+    Value,
+)
 from ..fieldbus import Fieldbus
 from .io_modules import WatchedNode, Write
 
 EVERY_SYNC: Final = 1
+MOST_EQUAL: Final = 10
+"""More samples of six equal counts in a row are no measurement: noise changes some [1]."""
 START_AGAIN_S: Final = 1.0
 """A unit that is alive and tells nothing is told to start so often [s]."""
 _COUNTS: Final = struct.Struct("<hhh")
@@ -27,24 +34,13 @@ _AXIS_BITS: Final = 16
 _SENSORS: Final = ("accelerometer", "gyroscope")
 
 
-@dataclass(frozen=True, slots=True)
-class ImuReading:
-    """Newest sample, both halves of one SYNC; until the first one there is none."""
-
-    ready: bool
-    acceleration: NDArray[np.float64] | None
-    """Specific force (3,) [m/s²] less bias, in the unit's axes; None when stale or saturated."""
-    rate: NDArray[np.float64] | None
-    """Angular rate (3,) [rad/s] less bias, in the unit's axes; None when stale or saturated."""
-    trouble: Trouble | None
-
-
-class Imu(Peripheral):
+class Imu(InertialSensor):
     """Tells how a link accelerates and turns; keeps the contract of `device.py`.
 
     The unit answers every SYNC with two frames, one for each sensor. A sample counts once both have
     come. One that is older than three SYNCs is stale; an axis at an end of its range tells no more
-    than that. Its trouble is not vital: the arm goes on without it.
+    than that; and samples that do not change come from a unit that has stuck. Its trouble is not
+    vital: the arm goes on without it.
     """
 
     vital = False
@@ -64,7 +60,7 @@ class Imu(Peripheral):
         self._half: list[tuple[int, tuple[int, ...]]] = [(0, ()), (0, ())]
         """Of each sensor the SYNC that it answered last, and its counts."""
         self._sample: tuple[tuple[int, ...], ...] | None = None
-        self._sampled_sync, self._started_s = 0, 0.0
+        self._sampled_sync, self._equal, self._started_s = 0, 0, 0.0
         fieldbus.listen(self._ids[0], lambda data, _stamp: self._on_counts(0, data))
         fieldbus.listen(self._ids[1], lambda data, _stamp: self._on_counts(1, data))
 
@@ -87,11 +83,11 @@ class Imu(Peripheral):
         self._node.open(*writes)
         for cob_id in self._ids:
             self._bus.expect_answers(cob_id)
-        self._sample, self._sampled_sync = None, self._bus.sync_count
+        self._sample, self._sampled_sync, self._equal = None, self._bus.sync_count, 0
 
-    def read(self) -> ImuReading:
+    def read(self) -> InertialReading:
         """Return the newest sample, and why it is none; start a unit again that was cut off."""
-        trouble = self._node.trouble() or self._stale() or self._saturated()
+        trouble = self._node.trouble() or self._stale() or self._saturated() or self._stuck()
         lost = trouble is not None and trouble.cause is Cause.PDO_LOST
         idle = lost and self._node.state is NmtState.PRE_OPERATIONAL
         if idle and self._bus.now - self._started_s > START_AGAIN_S:
@@ -100,12 +96,12 @@ class Imu(Peripheral):
                 self._node.start()
         ready = self._sample is not None
         if self._sample is None or trouble is not None:
-            return ImuReading(ready, None, None, trouble)
+            return InertialReading(ready, None, None, trouble)
         acceleration, rate = (
             scale * np.array(counts) - bias
             for scale, counts, bias in zip(self._scale, self._sample, self._bias, strict=True)
         )
-        return ImuReading(ready, acceleration, rate, None)
+        return InertialReading(ready, acceleration, rate, None)
 
     def stop(self) -> None:
         """Do nothing: it moves nothing, and its readings are wanted while others stop."""
@@ -147,10 +143,18 @@ class Imu(Peripheral):
                     return Trouble(Cause.SATURATED, self.name, detail, values)
         return None
 
+    def _stuck(self) -> Trouble | None:
+        if self._equal <= MOST_EQUAL:
+            return None
+        detail = f"{self._equal} samples are equal in all axes"
+        return Trouble(Cause.UNCHANGING, self.name, detail, {"samples": self._equal})
+
     def _on_counts(self, sensor: int, data: bytes) -> None:
         if len(data) != _COUNTS.size:
             return  # nothing that it was told to send: it ages
         self._half[sensor] = self._bus.sync_count, _COUNTS.unpack(data)
         (first, acceleration), (second, rate) = self._half
         if first == second:
-            self._sample, self._sampled_sync = (acceleration, rate), first
+            before, self._sample = self._sample, (acceleration, rate)
+            self._equal = self._equal + 1 if before == self._sample else 1
+            self._sampled_sync = first
