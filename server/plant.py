@@ -9,6 +9,7 @@ from ..drivers.device import (
     Device,
     DeviceError,
     DriveReadings,
+    InertialSensor,
     JointDrive,
     MeanWrench,
     Peripheral,
@@ -57,6 +58,9 @@ class UnitReading(NamedTuple):
     """How much older that mean is than the joints' angles [s]."""
     wrench_trouble: Trouble | None
     """Why the sensor's newest sample is none; None where there is no sensor, or it is well."""
+    rate: Array | None
+    """Angular rate (3,) by the arm's inertial unit, in its axes [rad/s]; None without, and when
+    stale or saturated."""
 
     @property
     def wrench_over_period(self) -> tuple[Array, float] | None:
@@ -101,6 +105,7 @@ class _UnitDevices:
         self.joints = slice(first, first + len(drives))
         """Where they are among all drives of the cell."""
         self._sensor = sensor = next((d for d in devices if isinstance(d, WrenchSensor)), None)
+        self._inertial = next((d for d in devices if isinstance(d, InertialSensor)), None)
         beside = [i for i, d in enumerate(drives) if sensor is not None and d.bus == sensor.bus]
         self.beside = first + (*beside, 0)[0]
         """Drive whose answers share the clock of the sensor's stamps."""
@@ -128,6 +133,7 @@ class _UnitDevices:
             wrench_mean=mean if fresh else None,
             wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
             wrench_trouble=None if sample is None else sample.trouble,
+            rate=None if self._inertial is None or not opened else self._inertial.read().rate,
         )
 
 

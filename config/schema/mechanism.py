@@ -149,6 +149,13 @@ class DifferentialBaseSection(Section):
         description="odometry that disagrees with news of Base by more means that wheels slip "
         "[m], [rad]",
     )
+    slip_rate: float = Field(
+        0.03,
+        gt=0,
+        le=1,
+        description="a gyroscope on Base that disagrees with the wheels by more is believed, and "
+        "they are not [rad/s]",
+    )
     correction: tuple[Positive, Positive] = Field(
         (0.05, 0.1),
         description="news of Base corrects the odometry by at most [m/s], [rad/s]",

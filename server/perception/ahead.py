@@ -289,11 +289,25 @@ class Passage:
 # News names the telemetry tick in which it was measured, and is held against where the odometry
 # had the base then. What they differ by is made up for slowly; more than wheels drift by is a
 # slip, and then nobody knows where the tool is in World until both agree again.
+#
+# A gyroscope sees at once how Base turns (gyrodometry: Borenstein and Feng 1996). Wheels know it
+# better in the long run, so they are believed while both agree; while they do not, wheels slip,
+# and the turn is the gyroscope's. What it reads while the wheels stand is its bias.
 
 REMEMBERED_S: Final = 2.0
 """News that is older is of no use [s]."""
 HEADING_GAIN: Final = 0.3
 """Part of a heading's difference that one piece of news corrects [1]."""
+SLIPS_S: Final = 1.0
+"""Of what wheels turned too much or too little the newest is counted, for about so long [s]."""
+STAND_S: Final = 0.3
+"""Wheels that have not turned for so long stand: over it the first bias is a mean [s]."""
+MOST_BIAS: Final = 0.1
+"""A gyroscope that reads more beside wheels that stand is turned, not biased [rad/s]."""
+STILL: Final = 1e-3
+"""Wheels that turn Base more slowly stand [rad/s]."""
+BIAS_S: Final = 0.5
+"""Time constant of the gyroscope's bias, while wheels stand [s]."""
 AGREES: Final = 0.5
 """Wheels grip again when odometry and news differ by less than this part of a slip [1]."""
 
@@ -308,8 +322,19 @@ class BaseTracker:
         T_world_base: Pose,
         period_s: float,
         events: Events,
+        up_imu: Array | None = None,
     ) -> None:
+        """Build it; `up_imu` (3,) is Base's z in the axes of a gyroscope on it, None without."""
         self._section, self._rolling, self._period_s = section, rolling, period_s
+        self._up_imu = up_imu
+        self._rate: float | None = None
+        """How Base turns about its z by the gyroscope, bias included [rad/s]; None without."""
+        self._rate_before: float | None = None
+        self._bias: float | None = None
+        """What it reads while Base stands [rad/s]; None before that was seen."""
+        self._stood_s = self._first_bias = 0.0
+        self._slid = 0.0
+        """Turn of the last second that the wheels missed [rad]."""
         self._events = events
         self._begun = False
         self.odometry = Odometry.at(T_world_base, np.zeros(2))
@@ -332,7 +357,10 @@ class BaseTracker:
             return None
         place = c.mechanism.T_world_base
         T = Pose.from_xyz_rpy(place.xyz, place.rpy)
-        return cls(c.mechanism.base, rolling, T, c.timing.period_s, events)
+        imu, up = c.mechanism.imu, None
+        if imu is not None and imu.on == "base":
+            up = Pose.from_xyz_rpy(imu.T_on_imu.xyz, imu.T_on_imu.rpy).R[2]
+        return cls(c.mechanism.base, rolling, T, c.timing.period_s, events, up)
 
     def step(self, tick: int, memory: Memory | None, q: Array) -> Body:
         """Return the base for the command of `tick`; joints are measured at q (n,) [rad]."""
@@ -340,16 +368,59 @@ class BaseTracker:
         if commanded is None or not self._begun:
             self.odometry = self.odometry.forget(wheels, wheels)
             self._begun = True
+        off = self._missed_turn(wheels - self.odometry.measured.wheels)
         self.odometry = self.odometry.rolled(self._rolling, commanded, wheels)
-        self.odometry, self.twist = self.odometry.corrected(
-            self._section.correction, self._period_s
-        )
+        most = self._section.correction
+        if off != 0.0 and commanded is not None:
+            # It is turned by that, not told late of it: so it is as quickly right again.
+            self.odometry = self.odometry.slid(self.odometry.measured, 0.0, 0.0, off)
+            most = most[0], most[1] + abs(off) / self._period_s
+        self.odometry, self.twist = self.odometry.corrected(most, self._period_s)
         self._past.append((tick, self.odometry.measured))
         if self._told is not None and (tick - self._told) * self._period_s > REMEMBERED_S:
             self.slipping = False
-        if self.slips and self._told is not None:
+        if off != 0.0 or (self.slips and (self._told is not None or self._up_imu is not None)):
             self._judge(*sizes(self.odometry.drift))
         return self.odometry.body(self.twist)
+
+    def take_rate(self, rate: Array | None) -> None:
+        """Take in how Base turns (3,) by the gyroscope on it, in its axes [rad/s]; None: stale."""
+        self._rate_before, self._rate = self._rate, None
+        if rate is not None and self._up_imu is not None:
+            self._rate = float(self._up_imu @ rate)
+
+    def _missed_turn(self, way: Array) -> float:
+        """Return by how much more Base turned than wheels did on a `way` (2,) [rad]; 0 for agreed.
+
+        While the wheels stand, the gyroscope's bias is learnt.
+        """
+        self._slid *= 1.0 - self._period_s / SLIPS_S
+        if self._rate is None or self._rate_before is None:
+            self._stood_s = 0.0
+            return 0.0
+        wheels = self._rolling.turn * float(way[1] - way[0]) / self._period_s
+        off = 0.5 * (self._rate_before + self._rate) - wheels
+        stand = self._rolling.turn * float(np.abs(way).max()) < STILL * self._period_s
+        self._stood_s = self._stood_s + self._period_s if stand else 0.0
+        if self._bias is None:
+            self._learn_first(off)
+            return 0.0
+        off -= self._bias
+        if abs(off) > self._section.slip_rate:
+            self._slid += off * self._period_s
+            return off * self._period_s
+        if self._stood_s > STAND_S:
+            self._bias += off * self._period_s / BIAS_S
+        return 0.0
+
+    def _learn_first(self, off: float) -> None:
+        """Take the mean over wheels that stand for the bias; until then they are believed."""
+        if self._stood_s == 0.0 or abs(off) > MOST_BIAS:
+            self._stood_s = self._first_bias = 0.0
+            return
+        self._first_bias += off * self._period_s
+        if self._stood_s > STAND_S:
+            self._bias = self._first_bias / self._stood_s
 
     def take_pose(self, tick: int, T_world_base: Pose) -> None:
         """Take in where Base was at a tick."""
@@ -395,16 +466,18 @@ class BaseTracker:
     def _judge(self, off: float, turned: float) -> None:
         """Tell whether wheels slip: odometry and news differ by [m] and [rad]."""
         far, wide = self._section.slip
+        turned = max(turned, abs(self._slid))
         worst = max(off / far, turned / wide)
         if not self.slips and (worst > 1.0 or self.slipping):
             self.slips = True
             self._events.warning(
                 "wheels_slip",
-                f"odometry and news of Base differ by {off:.3f} m and {turned:.3f} rad, at most "
-                f"{far:g} m and {wide:g} rad: the tool is not held in World until they agree",
+                f"wheels and what else tells of Base differ by {off:.3f} m and {turned:.3f} rad, "
+                f"at most {far:g} m and {wide:g} rad: the tool is not held in World until they "
+                "agree",
                 distance_m=off,
                 angle_rad=turned,
             )
         elif self.slips and worst < AGREES and not self.slipping:
             self.slips = False
-            self._events.info("wheels_grip", "odometry and news of Base agree again")
+            self._events.info("wheels_grip", "wheels and what else tells of Base agree again")

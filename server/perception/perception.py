@@ -64,6 +64,8 @@ class Perception:
         """Update all monitors; `memory` and `output` are those of the tick before."""
         commands = self._commands
         self._walls.update(memory, reading.q)
+        if self.moving_frames.base is not None:
+            self.moving_frames.base.take_rate(reading.rate)
         if reading.wrench_age_s is not None:
             weight, twists = None, {}
             if output is not None:

@@ -1,7 +1,9 @@
 """A rover whose wheels turn while it stays behind: its scans tell, it stops, and it knows where."""
 
 import numpy as np
+import pytest
 from telerobot.config.load import altered, load_cell
+from telerobot.config.schema.mechanism import ImuSection
 from telerobot.config.schema.rig import BoxSection
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.tools.scripts.script import Script
@@ -40,3 +42,60 @@ def test_a_base_that_stays_behind_its_wheels_stops_by_name_and_its_odometry_is_p
     assert result.summary["mode"] == "hold"
     assert result.summary["limit_violations"] == 0
     assert odometry_off(run) < 0.1  # 1.3 m where nobody looks
+
+
+BIAS = (0.0, 0.0, 0.06)
+"""Of the gyroscope; nobody tells it [rad/s]."""
+
+
+def one_wheel_on_ice(imu: ImuSection | None, wheel: str = "wheel_left") -> Simulation:
+    """Return a run in which the base is driven straight ahead and one wheel has no grip."""
+    drive = {"at_s": 0.8, "cmd/drive": {"rates": [0.3, 0.0]}}
+    stop = {"at_s": 2.5, "silence": ["cmd/drive"]}
+    cell = altered(load_cell("rover"), {"mechanism.imu": imu})
+    run = Simulation(cell, Script.model_validate({"duration_s": 3.0, "step": [drive, stop]}))
+    run.rig.inject(RigFault(kind="slip", target=wheel, value=0.005))
+    return run
+
+
+def yaw_off(run: Simulation) -> float:
+    """Return how far the heading that is told is off the true one, at most [rad]."""
+    times = [truth.time_s for truth in run.truths]
+    true = np.unwrap([truth.frames["base"][5] for truth in run.truths])
+    told = np.unwrap([state.frames["base"][5] for state in run.states])
+    at = np.interp([state.time_s for state in run.states], times, true)
+    return float(np.abs(told - at).max())
+
+
+@pytest.mark.parametrize("wheel", ["wheel_left", "wheel_right"])
+def test_a_gyroscope_sees_one_wheel_slip_at_once_and_the_heading_stays_right(wheel: str) -> None:
+    gyroscope = ImuSection(node=50, T_on_imu={"rpy": (0.3, -0.5, 1.0)}, virtual={"rate_bias": BIAS})
+    run = one_wheel_on_ice(gyroscope, wheel)
+    assert run.run().summary["limit_violations"] == 0
+    true = run.truths[-1].frames["base"][5]
+    assert abs(true) > 0.8
+    assert yaw_off(run) < 0.03
+    (slip,) = [event for event in run.events if event.name == "wheels_slip"]
+    began = next(t.time_s for t in run.truths if abs(t.frames["base"][5]) > 0.01)
+    assert slip.time_s - began < 0.25
+    assert "rad, at most" in slip.detail
+
+
+def test_without_one_the_heading_is_lost_and_nobody_is_told() -> None:
+    run = one_wheel_on_ice(None)
+    run.run()
+    assert yaw_off(run) > 0.8
+    assert not [event for event in run.events if event.name == "wheels_slip"]
+
+
+def test_wheels_that_grip_are_believed_whatever_the_gyroscopes_bias() -> None:
+    """A bias beyond what counts as slip is learnt before it drives, and changes nothing."""
+    drive = {"at_s": 0.8, "cmd/drive": {"rates": [0.3, 0.6]}}
+    told = []
+    for imu in (None, ImuSection(node=50, virtual={"rate_bias": BIAS})):
+        cell = altered(load_cell("rover"), {"mechanism.imu": imu})
+        run = Simulation(cell, Script.model_validate({"duration_s": 3.0, "step": [drive]}))
+        run.run()
+        told.append(run.states[-1].frames["base"])
+        assert not [event for event in run.events if event.name == "wheels_slip"]
+    np.testing.assert_allclose(told[0], told[1], atol=1e-9)
