@@ -195,7 +195,7 @@ def test_the_tool_follows_the_hand_by_the_scale(play):
             {"at_s": 0.2, "master": STILL},
             {"at_s": 0.5, "master": HAND},
             {"at_s": 1.5, "master": STILL},
-            {"at_s": 2.5, "operator/clutch": {"translation": 0.25}},
+            {"at_s": 2.5, "operator/clutch": {"translation": 0.25, "task": "arm"}},
             {"at_s": 3.0, "master": HAND},
             {"at_s": 4.0, "master": STILL},
             seconds=6.0,

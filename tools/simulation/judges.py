@@ -172,7 +172,8 @@ class ToolJudge:
         elif topic is t.FRAME:
             self._redefine(truth, fields)
         elif topic is t.CLUTCH:
-            self._clutch |= {name: float(value) for name, value in fields.items()}
+            given = {name: fields.get(name) for name in self._clutch}
+            self._clutch |= {name: float(x) for name, x in given.items() if x is not None}
 
     def judge(self, truth: RigTruth) -> None:
         """Take in the truth after a tick."""
