@@ -30,6 +30,33 @@ def test_axe_finds_no_serious_issue(site, scheme):
     assert found_in == {}
 
 
+LATE = """
+  // States are passed on so late as on a slow network; what the page says until then is kept.
+  window.said = [];
+  const timer = setInterval(() => {
+    const over = document.querySelector('#over p');
+    const why = document.querySelector('.why p')?.textContent;
+    if (why) window.said.push(why);
+    if (over && !over.hidden) window.said.push(over.textContent);
+  }, 20);
+  const since = performance.now();
+  const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, 'onmessage');
+  Object.defineProperty(WebSocket.prototype, 'onmessage', { set(take) {
+    set.call(this, ({ data }) => {
+      const told = typeof data === 'string' ? JSON.parse(data) : {};
+      if (told.type === 'state' && performance.now() - since < 3000) return;
+      if (told.type === 'state') clearInterval(timer);
+      take({ data: told.type === 'link' ? JSON.stringify({ ...told, daemon: 'alive' }) : data });
+    });
+  } });
+"""
+
+
+def test_a_page_whose_first_state_comes_late_waits_and_does_not_say_that_the_daemon_is_silent(site):
+    page = site.page(script=LATE)
+    assert set(page.evaluate("window.said")) == {"Waiting for the daemon."}
+
+
 @pytest.mark.parametrize("viewport", [DESK, TABLET], ids=["desk", "tablet"])
 def test_what_matters_is_in_sight(site, viewport):
     page = site.page(drawn=True, viewport=viewport, has_touch=True)

@@ -21,6 +21,8 @@ import { createPads } from "./steering/pads.js";
 import { createSteer } from "./steering/steer.js";
 
 const SILENT_MS = 400;
+/** On a slow network the first state comes after all that the scene is drawn of. */
+const FIRST_MS = 5000;
 const at = (id) => document.getElementById(id);
 const read = async (name) => (await fetch(name)).json();
 
@@ -49,7 +51,7 @@ document.title = `${catalogue.cell} · telerobot`;
 let role = "operator";
 let holds = false;
 let newest = null;
-let newestAt = 0;
+let newestAt = performance.now();
 
 const mode = (action) => () => ask("operator/mode", { action });
 
@@ -101,8 +103,8 @@ link.addEventListener("event", ({ detail }) => {
 // Panels are drawn fifteen times a second, from the newest state; the scene interpolates by itself.
 const over = at("over").appendChild(el("p", { hidden: true }));
 function draw() {
-  if (!newest && performance.now() < SILENT_MS) return; // the first state is still on its way
-  const silent = !reached || performance.now() - newestAt > SILENT_MS;
+  const silent = !reached || performance.now() - newestAt > (newest ? SILENT_MS : FIRST_MS);
+  if (!newest && !silent) return;
   over.hidden = !silent;
   document.body.classList.toggle("silent", silent);
   if (silent) {
