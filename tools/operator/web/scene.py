@@ -75,7 +75,10 @@ def along(normal: Sequence[float]) -> list[float]:
 PREFIX: Final = "/meshes/"  # addresses of meshes begin so
 TRIANGLES: Final = 100_000
 """All meshes of a cell together are coarsened to so many: 1.8 MB, and a picture in time [1]."""
+LARGEST: Final = 2_500_000
+"""... and to fewer where they take more, as triangles that share no corners do [B]."""
 FEWEST: Final = 200  # a part is not coarsened below this [1]
+_PASSES: Final = 3  # of coarsening, at most [1]
 
 Colour = tuple[float, ...]
 
@@ -127,7 +130,13 @@ class Meshes:
         kept = min(
             1.0, TRIANGLES / max(1, sum(len(part.faces) for parts in each for part in parts))
         )
-        return {f"{PREFIX}{i}.glb": _encoded(parts, kept) for i, parts in enumerate(each)}
+        for _ in range(_PASSES):
+            found = {f"{PREFIX}{i}.glb": _encoded(parts, kept) for i, parts in enumerate(each)}
+            size = sum(len(mesh) for mesh in found.values())
+            if size <= LARGEST:
+                break
+            kept *= 0.95 * LARGEST / size
+        return found
 
 
 def _encoded(parts: "list[trimesh.Trimesh]", kept: float) -> bytes:
@@ -141,9 +150,9 @@ def _encoded(parts: "list[trimesh.Trimesh]", kept: float) -> bytes:
         goal = max(FEWEST, int(kept * len(mesh.faces)))
         if goal < len(mesh.faces):
             mesh = mesh.simplify_quadric_decimation(face_count=goal)
-        mesh.visual = trimesh.visual.TextureVisuals(
-            material=None if colour is None else PBRMaterial("own", baseColorFactor=colour)
-        )
+        if colour is not None:  # else no material: an empty one would bring an image along
+            own = PBRMaterial("own", baseColorFactor=colour)
+            mesh.visual = trimesh.visual.TextureVisuals(material=own)
         scene.add_geometry(mesh)
     return bytes(scene.export(file_type="glb"))
 

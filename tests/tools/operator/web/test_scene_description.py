@@ -11,6 +11,8 @@ from laboratory.oracle.poses import Array
 from laboratory.oracle.tunnel import Tunnel
 from telerobot.config.load import load_cell, shipped
 from telerobot.tools.operator.web.scene import TRIANGLES, describe, scene_of
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
 
 
 @pytest.mark.parametrize("name", shipped("cells"))
@@ -105,10 +107,12 @@ def stored(small, name, mesh):
 
 def parts_of(data):
     """Return corners (p, 3), triangles and own colour of each primitive that a page loads."""
+    assert b'"images"' not in data, "a page's policy does not load the images of a mesh"
     found = []
     for part in trimesh.load_scene(BytesIO(data), file_type="glb").dump():
-        material = part.visual.material
-        colour = tuple(material.baseColorFactor[:3]) if material.name == "own" else None
+        material = getattr(part.visual, "material", None)
+        own = material is not None and material.name == "own"
+        colour = tuple(material.baseColorFactor[:3]) if own else None
         found.append((part.vertices, part.faces, colour))
     return found
 
@@ -212,6 +216,26 @@ def test_meshes_of_a_cell_are_coarsened_to_a_bound_together(small):
     )
     assert 0.9 * TRIANGLES < len(triangles) <= TRIANGLES
     assert np.linalg.norm(corners, axis=1) == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "in pieces"])
+def test_a_recording_of_an_arm_with_meshes_is_at_most_three_megabytes_larger(
+    small, tmp_path, whole
+):
+    """However fine they are: the run's messages are the same, so that any length shows it."""
+    ball = trimesh.creation.icosphere(subdivisions=7, radius=0.1)
+    if not whole:  # no two triangles share a corner, as in many a CAD export
+        ball = trimesh.Trimesh(ball.vertices[ball.faces].reshape(-1, 3), process=False,
+                               faces=np.arange(3 * len(ball.faces)).reshape(-1, 3))  # fmt: skip
+        ball.vertices += 1e-6 * np.repeat(np.arange(len(ball.faces)) % 7, 3)[:, None]
+    stored(small, "ball.stl", ball)
+
+    def recorded(cell):
+        Simulation(cell, Script(duration_s=0.3), tmp_path / "run.mcap").run()
+        return (tmp_path / "run.mcap").stat().st_size
+
+    bare = recorded(load_cell(small.cell))
+    assert 0.5e6 < recorded(visual(small, "ball.stl")) - bare <= 3.0e6
 
 
 def test_capsules_stand_for_a_link_that_has_nothing_else_to_draw(small):
