@@ -573,8 +573,8 @@ class Arm:
         position = task.position
         over = position.path is not None and position.path.finished
         if isinstance(inputs.goal, Pursuit) or not (over or inputs.paused):
-            return self.ordered(twists, inputs)
-        return self.ordered({**twists, "position": NO_TWIST}, inputs)
+            return self.motion_commanded(twists, inputs)
+        return self.motion_commanded({**twists, "position": NO_TWIST}, inputs)
 
     def _roused(self, stance: Stance, inputs: Inputs) -> bool:
         """Return whether an arm at a posture looks for a better one: something comes, or came."""
@@ -617,7 +617,7 @@ class Arm:
         )
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
-    def ordered(self, twists: dict[str, Array], inputs: Inputs) -> bool:
+    def motion_commanded(self, twists: dict[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
 
         News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
@@ -657,12 +657,12 @@ class Arm:
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
-            together=asked.found.synchronized,
-            led=asked.found.wheels_commanded,
+            synchronized=asked.found.synchronized,
+            wheels_commanded=asked.found.wheels_commanded,
             path=self.body.path(seen.kinematics, inputs.ground == "base"),
             by_joint=asked.by_joint,
-            standing=asked.found.n_locked,
-            ordered=not beside or self.ordered(asked.twists, inputs),
+            n_locked=asked.found.n_locked,
+            motion_commanded=not beside or self.motion_commanded(asked.twists, inputs),
             makes_way=asked.stance.makes_way,
             tool_stays=asked.stance.tool_stays,
         )

@@ -138,7 +138,11 @@ class ConstraintSet:
             J = joined([a.kinematics.J if a.path is None else a.path for a in arms], axis=1)
             low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
             V = factor * self._velocity
-            wheels = [part.start for part, arm in zip(self.parts, arms, strict=True) if arm.led]
+            wheels = [
+                part.start
+                for part, arm in zip(self.parts, arms, strict=True)
+                if arm.wheels_commanded
+            ]
             costs = [WIDEN_BESIDE if arm.tool_stays else WIDEN for arm in arms]
             found = nearest(
                 dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels), costs
@@ -167,14 +171,14 @@ class ConstraintSet:
         V = factor * self._velocities[i]
         dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        if arm.standing:
-            low[: arm.standing] = high[: arm.standing] = 0.0
+        if arm.n_locked:
+            low[: arm.n_locked] = high[: arm.n_locked] = 0.0
         if not beyond:
             return _Bounded(dq, share, low, high, False, None, limits)
         leash = room.leash(arm.error)
         limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
         limits += self._reasons(i, leash.left_by(dq), "leash")
-        if arm.together:
+        if arm.synchronized:
             part = _part_within(dq, low, high)
             dq, share, beyond = part * dq, part * share, False
         elif arm.by_joint:

@@ -402,7 +402,7 @@ def _nearest(gap: Array, active: Flags, most: int, only_active: bool) -> Index:
 NAMED = 3
 """Number of acting barriers that are named [1]."""
 
-ORDERED = 1e-4
+COMMANDED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
@@ -423,19 +423,19 @@ class BarrierInputs(NamedTuple):
     """The resistance that holds the arm up; None before the first tick."""
     may_move: bool
     T_wrist_mrf: Pose
-    together: bool = False
+    synchronized: bool = False
     """Joints mean something only together, as along a curve: one at its bound holds up all."""
     by_joint: bool = False
     """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
-    standing: int = 0
+    n_locked: int = 0
     """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
-    ordered: bool = True
+    motion_commanded: bool = True
     """Somebody tells the arm to move."""
     makes_way: float = 1.0
     """Part of the speed of what comes that the arm makes way at, 0 to 1."""
     tool_stays: bool = False
     """It makes way by self-motion alone."""
-    led: bool = False
+    wheels_commanded: bool = False
     """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
     path: Array | None = None
     """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: `kinematics`' own."""
@@ -527,7 +527,9 @@ class CollisionConstraint:
             around.base, around.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
-        widen = any(a.ordered and rate > ORDERED for a, rate in zip(arms, rates, strict=True))
+        widen = any(
+            a.motion_commanded and rate > COMMANDED for a, rate in zip(arms, rates, strict=True)
+        )
         coming = sight.near.approach
         if np.count_nonzero(coming):
             shares = np.array([arm.makes_way for arm in arms])

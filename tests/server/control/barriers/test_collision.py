@@ -5,7 +5,7 @@ import pytest
 from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
-    ORDERED,
+    COMMANDED,
     BarrierInputs,
     CollisionConstraint,
     Situation,
@@ -69,7 +69,7 @@ def test_as_far_is_looked_as_the_faster_of_both_rates_leads(watched, rng):
 def test_only_a_tool_that_is_to_move_is_led_out_of_a_bound(watched, rng, part, ordered):
     J, watch = watched
     asked = rng.normal(size=7)
-    asked *= part * ORDERED / np.abs(J @ asked).max()
+    asked *= part * COMMANDED / np.abs(J @ asked).max()
     _, seen = watch(asked, np.zeros(7), clearance=3.0)
     inside = seen.sight.room < 0.0
     assert inside.any()
