@@ -40,6 +40,11 @@ class PotentialFieldSection(Section):
     obstacles: Strength = Field(0.1, description="points and solids, k_obst [N·m]")
     lines: Strength = Field(0.1, description="sight lines, per metre of line [N]")
     joint_limits: Strength = Field(0.1, description="springs to mid-range, k_jlim [N·m]")
+    rest: Literal["middle", "posture"] = Field(
+        "middle",
+        description="q_o, where the springs of joint_limits are at rest: the middle of every "
+        "range, or the posture of redundancy.posture_name, which an operator may change",
+    )
     manipulability: Strength = Field(
         0.0, description="away from singularities, k_manip, times √det(JJᵀ) [N·m]"
     )

@@ -47,6 +47,7 @@ class Field:
         """
         self._link = c.virtual_link
         self._capsules = capsules
+        self._to_posture = c.rest == "posture"
         body = np.zeros(0, dtype=np.int64) if capsules is None else capsules.body
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"
@@ -82,7 +83,8 @@ class Field:
             return None
         if among is not None and self._capsules is not None:
             ends = (placed or self._capsules.place(q[None], T_world_base)).ends[0]
-        return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among)
+        rest = objectives.posture if self._to_posture else None
+        return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among, rest)
 
     def self_motion(
         self, seen: FieldView | None, null: Array

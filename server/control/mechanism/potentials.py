@@ -630,11 +630,14 @@ class Potential:
         self._smooth_lines = smooth_lines
         self._rank = rank
 
-    def at(self, here: Shape, scene: Scene | None) -> Value:
-        """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links."""
-        k = self._strengths
+    def at(self, here: Shape, scene: Scene | None, rest: Array | None = None) -> Value:
+        """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links.
+
+        `rest` is q_o (n,) [rad], that the joints' springs pull to; None: the middle of the ranges.
+        """
+        k, rest = self._strengths, self._middle if rest is None else rest
         torque = np.empty(len(here.q))
-        parts = {"joint_limits": _hold(here.q, self._middle, self._stiffness, torque)}
+        parts = {"joint_limits": _hold(here.q, rest, self._stiffness, torque)}
         if k.manipulability > 0.0:
             # With all six axes it is the same about any point: what moves the point has
             # determinant one.
@@ -659,11 +662,11 @@ class Potential:
 
 
 @compiled(VECTOR, VECTOR, VECTOR, ROW)
-def _hold(q: Array, middle: Array, stiffness: Array, torque: Array) -> float:
-    """Write the torques (n,) of springs that hold q (n,) to `middle`, return their potential."""
+def _hold(q: Array, rest: Array, stiffness: Array, torque: Array) -> float:
+    """Write the torques (n,) of springs that hold q (n,) to `rest`, return their potential."""
     potential = 0.0
     for j in range(len(q)):
-        away = middle[j] - q[j]
+        away = rest[j] - q[j]
         torque[j] = stiffness[j] * away
         potential += 0.5 * torque[j] * away
     return potential
@@ -686,6 +689,8 @@ class FieldView(NamedTuple):
     scene: Scene | None
     """None where nothing repels the links."""
     value: Value
+    rest: Array | None = None
+    """q_o (n,) [rad]; None: the middle of the ranges."""
 
 
 class FieldFlow:
@@ -698,9 +703,9 @@ class FieldFlow:
         self._body = body
         self._flattest = flattest
 
-    def look(self, here: Shape, scene: Scene | None) -> FieldView:
-        """Return what there is to know of the field where the arm is."""
-        return FieldView(here, scene, self._potential.at(here, scene))
+    def look(self, here: Shape, scene: Scene | None, rest: Array | None = None) -> FieldView:
+        """Return what there is to know of the field where the arm is, with q_o at `rest` (n,)."""
+        return FieldView(here, scene, self._potential.at(here, scene, rest), rest)
 
     def self_motion(self, seen: FieldView, null: Array) -> tuple[Array, float]:
         """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
@@ -740,7 +745,7 @@ class FieldFlow:
 
     def _ahead(self, seen: FieldView, way: Array) -> FieldView:
         """Look a small way ahead along joint rates (n,)."""
-        return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene)
+        return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene, seen.rest)
 
 
 def _lever(at: Shape, direction: Array) -> Array:

@@ -73,7 +73,8 @@ class Redundancy:
             way = goal - now.gains[name]
             gains[name] = goal if abs(way) < 1e-6 else now.gains[name] + part * way
         away = target.posture - now.posture
-        if not now.gains["posture"] or float(np.abs(away).max()) < 1e-6:
+        pulls = now.gains["posture"] or now.gains["field"]
+        if not pulls or float(np.abs(away).max()) < 1e-6:
             part = 1.0  # a pull that does not act yet may be aimed anew at once
         if gains == target.gains and part == 1.0:
             return target

@@ -84,6 +84,48 @@ def test_joint_torques_are_the_slope_of_the_potential(kind):
             assert found.torque[i] == pytest.approx(slope, rel=1e-5, abs=1e-6)
 
 
+SPRINGS = PotentialFieldSection(obstacles=0.0, lines=0.0, joint_limits=0.4, rest="posture")
+
+
+def stiffness(arm):
+    """K of eq. 19."""
+    return 0.4 / (arm.p.joints.upper - arm.p.joints.lower)
+
+
+def test_springs_pull_to_the_posture_where_the_cell_says_so(rng):
+    arm, _ = arm_among("pa10", (), SPRINGS)
+    q, to = arm.random_posture(rng), arm.posture("park")
+    k = arm.mechanism.kinematics(q, arm.settings.T_wrist_mrf)
+    value = field_of(arm.p).look(q, k, None, ObjectiveGains({"field": 1.0}, to)).value
+    np.testing.assert_allclose(value.torque, stiffness(arm) * (to - q))
+    assert value.total == pytest.approx(0.5 * stiffness(arm) @ (to - q) ** 2)
+
+
+def test_another_posture_moves_their_rest_without_a_jump(start):
+    arm, _ = arm_among("pa10", (), SPRINGS, field=4.0, posture_name="ready")
+    run = start(arm, arm.posture("ready") + np.array([0.3, 0.0, -0.4, 0.0, 0.3, 0.1, 0.0]))
+    at = run.pose
+
+    def left(to):
+        """What is left of the springs' pull in the self-motions."""
+        J = arm.mechanism.kinematics(run.sent[-1], run.settings.T_wrist_mrf).J
+        null = np.eye(7) - np.linalg.pinv(J) @ J
+        return np.linalg.norm(null @ (stiffness(arm) * (arm.posture(to) - run.sent[-1])))
+
+    run.go(3.0)
+    ready, sent = left("ready"), run.sent[-1]
+    to = ObjectiveGains(arm.p.redundancy.gains, arm.posture("park"))
+    run.settings = dataclasses.replace(run.settings, objectives=to)
+    first = np.abs(run.tick().dq).max()
+    run.go(3.0)
+    assert ready < 1e-4
+    assert left("park") < 1e-4
+    assert np.abs(run.sent[-1] - sent).max() > 0.01
+    assert first < 0.02  # the bounds of acceleration alone would let it be 0.04
+    assert np.linalg.norm(run.pose.p - at.p) < 2e-3
+    run.observe()
+
+
 def test_a_small_way_ahead_links_and_screws_are_where_kinematics_have_them():
     arm, _ = arm_among("pa10", EVERY_KIND)
     links, T = Capsules(arm.cell), arm.settings.T_wrist_mrf
