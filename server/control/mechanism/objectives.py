@@ -196,12 +196,15 @@ class Manipulability(Objective):
 # axes that the mechanism reaches anywhere count (Klein and Blaho 1987).
 #
 # Along a unit vector e the tool goes, its other axes held, at most w = (eᵀ(J Jᵀ)⁻¹e)^(−½) with
-# joint rates of size 1 (Chiu 1988): with y = (J Jᵀ)⁻¹ e, ∂w/∂J = w³ y (Jᵀy)ᵀ.
+# joint rates of size 1 (Chiu 1988): with y = (J Jᵀ)⁻¹ e, ∂w/∂J = w³ y (Jᵀy)ᵀ. Beside a singularity
+# that lies almost across e, that slope has no bound: J Jᵀ + ρ² 1 stands in for J Jᵀ.
 
 _NORM: Final = 16
 """Power p of the norms that stand for least and greatest [1]."""
 _NEAREST: Final = 1e-7
 """Singular values count no less: at a singularity slopes stay finite [m]."""
+_DAMPING: Final = 0.05
+"""ρ: singular values well below it count little along a direction [m]."""
 _SIDEWAYS: Final = 1e-9
 """Part of a direction that an arm does not reach, squared, which is rounding [1]."""
 
@@ -267,7 +270,7 @@ class AlongDirection(_Dexterity):
         part = reached.T @ self._e
         if float(part @ part) < 1.0 - _SIDEWAYS:  # a planar arm, at an angle to its plane
             return 0.0, np.zeros(view.J.shape)
-        y = reached @ (part / np.maximum(s[: self._rank], _NEAREST) ** 2)
+        y = reached @ (part / (s[: self._rank] ** 2 + _DAMPING**2))
         y[3:] *= view.length
         w = float(self._e @ y) ** -0.5
         return w, w**3 * np.outer(y, view.J.T @ y)
