@@ -1,10 +1,14 @@
 """Cameras to steer by: large in the scene's place, as video, with how old it is."""
 
 import re
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 from telerobot.drivers.network.session import Session
 from telerobot.protocols import topics as t
+from telerobot.tools.host.address import options
 
 pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("rendering")]
 
@@ -183,3 +187,69 @@ def test_a_camera_that_stops_is_said_to_have_stopped(site):
     site.until(lambda: page.locator(f"{THUMB}.stopped").count() == 2, "small ones look alive")
     site.plant.start_vision()
     video(site, page, "wrist")
+
+
+BITS = 24
+COMPARED = 20
+STAMPED = f"""
+import sys, time
+import numpy as np
+from telerobot.drivers.rig.physics.camera import RigCameras
+from telerobot.drivers.vision import process
+from telerobot.tools.cli import main
+
+def stamped(self, camera, *args, **more):
+    height, width = self._cameras[camera].size[::-1]
+    now = round(1000 * time.time())
+    row = 255 * (now >> np.arange(width) * {BITS} // width & 1).astype(np.uint8)
+    return np.broadcast_to(row[:, None], (height, width, 3)).copy()
+
+def slow(self, *args, tell=process._Video.tell):
+    time.sleep(float(sys.argv[1]))
+    tell(self, *args)
+
+RigCameras.picture, process._Video.tell = stamped, slow
+sys.exit(main(sys.argv[2:]))
+"""
+"""The cameras' process, whose pictures show the wall clock as stripes and go on late by a delay."""
+
+READ = f"""
+  window.ages = [];
+  const {{ drawImage }} = CanvasRenderingContext2D.prototype;
+  CanvasRenderingContext2D.prototype.drawImage = function (image, ...where) {{
+    drawImage.call(this, image, ...where);
+    if (!(image instanceof VideoFrame)) return;
+    const now = Date.now();
+    const {{ width, height }} = this.canvas;
+    const {{ data }} = this.getImageData(0, height >> 1, width, 1);
+    let stamp = 0;
+    for (let i = 0; i < {BITS}; i++) {{
+      if (data[4 * Math.floor((i + 0.5) * width / {BITS})] > 127) stamp += 2 ** i;
+    }}
+    window.ages.push(((now - stamp) % 2 ** {BITS} + 2 ** {BITS}) % 2 ** {BITS});
+  }};
+"""
+"""Keeps the age of each frame [ms], when it is drawn, by its stripes."""
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.25])
+def test_the_age_that_is_shown_is_that_by_a_clock_in_the_picture_itself(site, delay_s):
+    plant = site.plant
+    plant.vision.kill()
+    plant.vision.wait()
+    arguments = ["vision", *options(plant.cell, bus=False)]
+    with subprocess.Popen([sys.executable, "-c", STAMPED, str(delay_s), *arguments]) as child:
+        try:
+            page = thumbs(site, script=READ)
+            thumb(page, "wrist").click()
+            site.until(lambda: len(page.evaluate("ages")) > 2 * COMPARED, "no video")
+            shown, ages = page.evaluate(
+                f"[document.querySelector('.camera-words').children[1].textContent,"
+                f" ages.slice(-{COMPARED})]"
+            )
+        finally:
+            child.terminate()
+    plant.start_vision()
+    by_picture = float(np.median(ages))
+    assert by_picture >= 1000 * delay_s
+    assert int(SHOWN.fullmatch(shown)[2]) == pytest.approx(by_picture, abs=40)
