@@ -146,17 +146,17 @@ class ObjectivesSection(Section):
     holding_torque: float = Field(
         0.0,
         ge=0,
-        le=100,
+        le=20,
         description="to postures that hold arm and payload with less of the drives' ratings [1/s]",
     )
     sigma_min: float = Field(
-        0.0, ge=0, le=100, description="uphill in the least singular value [1/(m·s)]"
+        0.0, ge=0, le=20, description="uphill in the least singular value [1/(m·s)]"
     )
     condition: float = Field(
-        0.0, ge=0, le=100, description="uphill in least by greatest singular value [1/s]"
+        0.0, ge=0, le=20, description="uphill in least by greatest singular value [1/s]"
     )
     along: float = Field(
-        0.0, ge=0, le=100, description="uphill in manipulability along along_direction [1/(m·s)]"
+        0.0, ge=0, le=20, description="uphill in manipulability along along_direction [1/(m·s)]"
     )
     reflex: float = Field(
         1.0, ge=0, le=1, description="share of folding to pass below what is ahead [1]"

@@ -199,11 +199,11 @@ class Manipulability(Objective):
 # joint rates of size 1 (Chiu 1988): with y = (J Jᵀ)⁻¹ e, ∂w/∂J = w³ y (Jᵀy)ᵀ. Beside a singularity
 # that lies almost across e, that slope has no bound: J Jᵀ + ρ² 1 stands in for J Jᵀ.
 
-_NORM: Final = 16
+_NORM: Final = 8
 """Power p of the norms that stand for least and greatest [1]."""
 _NEAREST: Final = 1e-7
 """Singular values count no less: at a singularity slopes stay finite [m]."""
-_DAMPING: Final = 0.05
+_DAMPING: Final = 0.1
 """ρ: singular values well below it count little along a direction [m]."""
 _SIDEWAYS: Final = 1e-9
 """Part of a direction that an arm does not reach, squared, which is rounding [1]."""

@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
-from telerobot.config.schema.null_space import OBJECTIVES, RedundancySection
+from telerobot.config.schema.null_space import (
+    OBJECTIVES,
+    ObjectivesSection,
+    RedundancySection,
+)
 from telerobot.server.control.mechanism.objectives import (
     AlongDirection,
     Condition,
@@ -55,14 +59,14 @@ def test_values_stand_for_those_of_the_singular_value_decomposition(arm, rng):
     for _ in range(20):
         q = arm.random_posture(rng)
         s, J = sigma(arm, q), jacobian(arm, q)
-        assert 6 ** (-1 / 16) * s[-1] - 1e-12 <= least.value(view(arm, q)) <= s[-1] + 1e-12
+        assert 6 ** (-1 / 8) * s[-1] - 1e-12 <= least.value(view(arm, q)) <= s[-1] + 1e-12
         share = condition.value(view(arm, q)) / (s[-1] / s[0])
-        assert 6 ** (-1 / 8) - 1e-9 <= share <= 1.0 + 1e-9
+        assert 6 ** (-1 / 4) - 1e-9 <= share <= 1.0 + 1e-9
         # The quickest straight motion without turning, by least squares: joint rates that cost
-        # their size, and what they miss of it costs as much at ρ = 0.05 m.
+        # their size, and what they miss of it costs as much at ρ = 0.1 m.
         weight = np.array([1.0] * 3 + [LENGTH] * 3)[:, None]
-        rows = np.vstack([np.eye(arm.p.n), weight * J / 0.05])
-        aim = np.concatenate([np.zeros(arm.p.n), E / 0.05, np.zeros(3)])
+        rows = np.vstack([np.eye(arm.p.n), weight * J / 0.1])
+        aim = np.concatenate([np.zeros(arm.p.n), E / 0.1, np.zeros(3)])
         rates = np.linalg.lstsq(rows, aim, rcond=None)[0]
         cost = np.linalg.norm(rows @ rates - aim)
         assert along.value(view(arm, q)) == pytest.approx(1.0 / cost, rel=1e-6)
@@ -125,14 +129,15 @@ def test_spare_joints_climb_and_the_tool_stands(name, pa10, start):
     run.observe()
 
 
-@pytest.mark.parametrize("gain", [20.0, 100.0])
-def test_at_any_gain_the_arm_comes_to_rest_and_does_not_rattle_beside_a_singularity(
-    gain, pa10, start, rng
+@pytest.mark.parametrize("name", ["holding_torque", "sigma_min", "condition", "along"])
+def test_at_twice_the_greatest_gain_the_arm_comes_to_rest_and_does_not_rattle(
+    name, pa10, start, rng
 ):
-    """From postures in which `along` without its ρ went to and fro at 1 rad/s for ever."""
-    for q in pa10.posture("ready") + rng.uniform(-0.8, 0.8, (4, 7)):
+    """Beside singularities, and where singular values cross, a slope that is too steep rattles."""
+    greatest = next(m.le for m in ObjectivesSection.model_fields[name].metadata if hasattr(m, "le"))
+    for q in pa10.posture("ready") + rng.uniform(-0.8, 0.8, (6, 7)):
         run = start(pa10, q)
-        gains = dict.fromkeys(OBJECTIVES, 0.0) | {"along": gain}
+        gains = dict.fromkeys(OBJECTIVES, 0.0) | {name: 2.0 * greatest}
         run.set(objectives=ObjectiveGains(gains, q))
         run.go(4.0)
         late = np.diff(run.sent[-100:], axis=0) / pa10.p.period_s
