@@ -1,7 +1,7 @@
 """Schema of an arm: chain, drives, sensor, payloads, gripper; its base, backbone, torque law."""
 
 import math
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
@@ -131,7 +131,25 @@ class WheelsSection(Section):
         return self
 
 
-class DifferentialBaseSection(Section):
+class DrivenSection(Section):
+    """What an operator drives as a whole, beside the tool, by `cmd/drive`."""
+
+    rate_units: ClassVar[tuple[str, ...]] = ("m/s", "rad/s")
+    weight: float = Field(
+        6.0,
+        ge=0.1,
+        le=100,
+        description="cost of arm motion over that of the base, in its units [1]",
+    )
+    speed: float = Field(0.5, gt=0, le=10, description="cmd/drive asks for at most [m/s]")
+
+    @property
+    def most(self) -> tuple[float, ...]:
+        """The greatest rates of `cmd/drive`, in `rate_units`."""
+        raise NotImplementedError
+
+
+class DifferentialBaseSection(DrivenSection):
     """A base with two driven wheels on one axle; Base is on the floor, midway between them.
 
     Its x axis points ahead, its z axis up. The wheels' drives are in CSV, whatever the arm's are.
@@ -139,11 +157,7 @@ class DifferentialBaseSection(Section):
 
     kind: Literal["differential"] = Field(description="how the base moves")
     wheels: WheelsSection = Field(description="what it rolls on")
-    weight: float = Field(
-        6.0, ge=0.1, le=100, description="cost of arm motion over wheel motion, in radians [1]"
-    )
-    speed: float = Field(0.5, gt=0, le=10, description="cmd/drive asks for at most [m/s]")
-    angular_speed: float = Field(1.0, gt=0, le=10, description="the same [rad/s]")
+    angular_speed: float = Field(1.0, gt=0, le=10, description="cmd/drive asks for at most [rad/s]")
     slip: tuple[Positive, Positive] = Field(
         (0.05, 0.05),
         description="odometry that disagrees with news of Base by more means that wheels slip "
@@ -160,6 +174,11 @@ class DifferentialBaseSection(Section):
         (0.05, 0.1),
         description="news of Base corrects the odometry by at most [m/s], [rad/s]",
     )
+
+    @property
+    def most(self) -> tuple[float, ...]:
+        """The greatest rates ahead and about its axis."""
+        return (self.speed, self.angular_speed)
 
 
 # --- Schema of an axis that sweeps: a scanner's tilt ----------------------------------------------
@@ -573,6 +592,11 @@ class MechanismSection(Section):
                 f"xyz: {far:g} m from the Wrist: no tool reaches farther than {LONGEST_TOOL:g} m"
             )
         return mrf
+
+    @property
+    def driven(self) -> "DrivenSection | None":
+        """What an operator drives as a whole, beside the tool: a base; None for nothing."""
+        return self.base
 
     @property
     def beside_chain(self) -> tuple[str, ...]:

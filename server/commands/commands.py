@@ -8,7 +8,7 @@ import numpy as np
 
 from ...config.drives import JointBounds, joint_bounds
 from ...config.load import Cell
-from ...config.schema.mechanism import BackboneSection, DifferentialBaseSection
+from ...config.schema.mechanism import BackboneSection, DrivenSection
 from ...protocols.messages import messages as drive
 from ...protocols.messages import messages as m
 from ...protocols.messages import messages as motion
@@ -143,7 +143,7 @@ class InsertionCommands:
 class BaseCommands:
     """How the operator drives one base."""
 
-    def __init__(self, base: DifferentialBaseSection, timeout_s: float) -> None:
+    def __init__(self, base: DrivenSection, timeout_s: float) -> None:
         """Build it; a drive is in force for `timeout_s` after it came."""
         self._base = base
         self._stream = Stream[Drive](timeout_s)
@@ -155,7 +155,7 @@ class BaseCommands:
         rates, base = message.rates, self._base
         if len(rates) != 2:
             raise Refused(Why.OUT_OF_RANGE, f"rates: {len(rates)} values: two are expected")
-        each = zip(rates, (base.speed, base.angular_speed), ("m/s", "rad/s"), strict=True)
+        each = zip(rates, base.most, base.rate_units, strict=True)
         for i, (value, most, unit) in enumerate(each):
             if abs(value) > most * (1 + 1e-9):
                 words = f"rates[{i}]: {value:g} {unit}: at most {most:g} either way"
@@ -186,7 +186,7 @@ DriveCommands = BaseCommands | InsertionCommands
 
 def drive_commands(cell: Cell) -> DriveCommands:
     """Return those of a cell's mechanism: of its base, or into its tunnels."""
-    base = cell.config.mechanism.base
+    base = cell.config.mechanism.driven
     if base is None:
         return InsertionCommands.from_cell(cell)
     return BaseCommands(base, cell.config.timing.stream_timeout_s)

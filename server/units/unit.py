@@ -363,8 +363,6 @@ def described_insertion(part: Cell) -> dict[str, float] | None:
 
 
 def described_base(part: Cell) -> dict[str, float] | None:
-    """Return how fast a base may be driven [m/s], [rad/s]; None for one that has no wheels."""
-    base = part.config.mechanism.base
-    if base is None:
-        return None
-    return {"speed": base.speed, "angular_speed": base.angular_speed}
+    """Return how fast a base may be driven; None for an arm that has none."""
+    base = part.config.mechanism.driven
+    return None if base is None else dict(zip(("speed", "angular_speed"), base.most, strict=True))

@@ -1,7 +1,7 @@
-"""An arm on a base that rolls: one redundant mechanism of wheels and arm.
+"""An arm on a base that is driven: one redundant mechanism of base and arm; and a base on wheels.
 
 Zhang et al. 2013, eqs. 7 and 8, weighted: η = J_W⁺ ẋ + P z with ẋ = ẋ_d + K (x_d − x), in which the
-error is added (in print its sign is wrong). The wheels' share D of the work goes from 0, where the
+error is added (in print its sign is wrong). The base's share D of the work goes from 0, where the
 arm works alone, to the cell's `weight`.
 
 Relative to Base the arm works alone, and the base goes as it is driven. Relative to World an
@@ -44,7 +44,83 @@ WHEELS = slice(0, 2)
 """Where the wheels are among the joints."""
 
 
-class WheeledArm(SerialArm):
+class DrivenArm(SerialArm):
+    """An arm on a base whose joints, the first ones, are driven by themselves, too."""
+
+    def __init__(
+        self,
+        joints: slice,
+        weight: float,
+        p: Parameters,
+        mechanism: Mechanism,
+        redundancy: Redundancy,
+        field: Field,
+    ) -> None:
+        """Build it; `joints` of the base cost `weight` less than the arm's [1]."""
+        super().__init__(p, mechanism, redundancy, field)
+        n, self._base = p.joints.n, joints
+        self._alone, self._with = np.ones(n), np.ones(n)
+        self._alone[joints], self._with[joints] = STANDING, weight
+        self._ranks = mechanism.arm_rank or mechanism.rank, mechanism.rank
+        self._most, self._length = p.joints.velocity[joints], p.resolve.characteristic_length
+
+    def asked(self, drive: DriveRequest) -> Array:
+        """Return the base's rates of a drive, whatever its joints' bounds are."""
+        raise NotImplementedError
+
+    def driven(self, drive: DriveRequest, factor: float) -> Array:
+        """Return the base's rates of a drive, in proportion inside their speed bounds.
+
+        `factor` is the reduced-speed setting.
+        """
+        rates = factor * self.asked(drive)
+        return np.asarray(rates / max(1.0, float((np.abs(rates) / (factor * self._most)).max())))
+
+    def follows(self, twist: Array, request: RateRequest) -> float:  # noqa: ARG002  others look
+        """Return how far the base follows the tool's twist (6,), 0 to 1."""
+        return 1.0
+
+    def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
+        """Return joint rates (n,) with those of a driven base."""
+        rates = rates.copy()
+        rates[self._base] = self.driven(drive, factor)
+        return rates
+
+    def rates(
+        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
+    ) -> JointRates:
+        """Return rates of base and arm at the commanded posture q (n,)."""
+        base, on_base = np.zeros(len(self._most)), request.relative_to_base or not request.moving
+        if request.moving:
+            base = self.driven(request.drive, request.speed_factor)
+        driven = bool(np.count_nonzero(base))
+        twist, part = request.twist, 0.0
+        if not (on_base or driven) and request.spare:
+            part = self.follows(twist, request)
+        if driven and not on_base:
+            twist = twist - k.J[:, self._base] @ base
+            request = request._replace(twist=twist)
+        D = self._alone.copy()
+        D[self._base] = max(STANDING, part * self._with[0])
+        alone = bool(D[0] == STANDING)
+        shares = Shares(self._ranks[1] if part > 0.0 else self._ranks[0], D)
+        found = self._resolver.rates(q, k, request, environment, shares)
+        if not alone:
+            return found
+        dq = found.dq
+        dq[self._base] = 0.0
+        left = shifted(twist, found.give_way) - k.J @ dq
+        dq[self._base] = base
+        if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
+            return found._replace(wheels_commanded=bool(self.synchronized))
+        # The arm cannot answer the drive: the base goes no further than the tool allows.
+        J = judged_at(k, request.lever).J
+        shares = Shares(self._ranks[1], self._with)
+        rest = self._resolver.resolve(q, J, left, request.lever, shares)
+        return found._replace(dq=dq + rest.dq, limits=("singularity",))
+
+
+class WheeledArm(DrivenArm):
     """An arm on two driven wheels, which turn together along an arc."""
 
     synchronized = (WHEELS,)
@@ -58,15 +134,11 @@ class WheeledArm(SerialArm):
         field: Field,
     ) -> None:
         """Build it."""
-        super().__init__(p, mechanism, redundancy, field)
-        n = p.joints.n
-        self._arm_only, self._alone, self._with = np.ones(n), np.ones(n), np.ones(n)
-        self._arm_only[WHEELS], self._alone[WHEELS] = 0.0, STANDING
-        self._with[WHEELS] = section.weight
+        super().__init__(WHEELS, section.weight, p, mechanism, redundancy, field)
+        self._arm_only = np.ones(p.joints.n)
+        self._arm_only[WHEELS] = 0.0
         self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
-        self._ranks = mechanism.arm_rank, mechanism.rank
         self._rolling = DifferentialDrive(section.wheels.radius, section.wheels.track)
-        self._most, self._length = p.joints.velocity[WHEELS], p.resolve.characteristic_length
         self.relief[WHEELS] = 0.0
 
     @classmethod
@@ -75,19 +147,14 @@ class WheeledArm(SerialArm):
         base = cell.config.mechanism.base
         return None if base is None else partial(cls, base)
 
-    def driven(self, drive: DriveRequest, factor: float) -> Array:
-        """Return the wheels' rates (2,) [rad/s] of a drive, on its arc inside their speed bounds.
+    def asked(self, drive: DriveRequest) -> Array:
+        """Return the wheels' rates (2,) [rad/s] of a drive, on its arc."""
+        return self._rolling.wheels(drive.speed, drive.turn)
 
-        `factor` is the reduced-speed setting.
-        """
-        rates = self._rolling.wheels(factor * drive.speed, factor * drive.turn)
-        return np.asarray(rates / max(1.0, float((np.abs(rates) / (factor * self._most)).max())))
-
-    def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
-        """Return joint rates (n,) with those of driven wheels."""
-        rates = rates.copy()
-        rates[WHEELS] = self.driven(drive, factor)
-        return rates
+    def follows(self, twist: Array, request: RateRequest) -> float:
+        """Return how far wheels follow a tool: not where it creeps, they would grind to and fro."""
+        v, w = sizes(twist_at(twist, request.lever))
+        return min(1.0, max(0.0, (max(v, w * self._length) - CREEPS) / (GOES - CREEPS)))
 
     def posture(self, posture: Array, q: Array) -> Array:
         """Return a posture (n,) of the arm with the wheels as they are."""
@@ -100,38 +167,3 @@ class WheeledArm(SerialArm):
     def path(self, k: Kinematics, relative_to_base: bool) -> Array:
         """Return the Jacobian (6, n) of what the tool does relative to Base, or to World."""
         return self._arm_only * k.J if relative_to_base else k.J
-
-    def rates(
-        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
-    ) -> JointRates:
-        """Return rates of wheels and arm at the commanded posture q (n,) [rad]."""
-        wheels, on_base = np.zeros(2), request.relative_to_base or not request.moving
-        if request.moving:
-            wheels = self.driven(request.drive, request.speed_factor)
-        driven = bool(np.count_nonzero(wheels))
-        twist, part = request.twist, 0.0
-        if not (on_base or driven) and request.spare:
-            v, w = sizes(twist_at(twist, request.lever))
-            speed = max(v, w * self._length)
-            part = min(1.0, max(0.0, (speed - CREEPS) / (GOES - CREEPS)))
-        if driven and not on_base:
-            twist = twist - k.J[:, WHEELS] @ wheels
-            request = request._replace(twist=twist)
-        D = self._alone.copy()
-        D[WHEELS] = max(STANDING, part * self._with[0])
-        alone = bool(D[0] == STANDING)
-        shares = Shares(self._ranks[1] if part > 0.0 else self._ranks[0], D)
-        found = self._resolver.rates(q, k, request, environment, shares)
-        if not alone:
-            return found
-        dq = found.dq
-        dq[WHEELS] = 0.0
-        left = shifted(twist, found.give_way) - k.J @ dq
-        dq[WHEELS] = wheels
-        if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
-            return found._replace(wheels_commanded=True)
-        # The arm cannot answer the drive: the base goes no further than the tool allows.
-        J = judged_at(k, request.lever).J
-        shares = Shares(self._ranks[1], self._with)
-        rest = self._resolver.resolve(q, J, left, request.lever, shares)
-        return found._replace(dq=dq + rest.dq, limits=("singularity",))
