@@ -1,5 +1,6 @@
 """What each test may cost; and a small cell of three joints, as files that a test may spoil."""
 
+import gc
 import resource
 from collections import defaultdict
 from collections.abc import Callable, Generator
@@ -57,6 +58,21 @@ def _cpu_s() -> float:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--measure", action="store_true", help=f"write {SLOW.name} by this run's cost")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep the garbage collector off: it would go through thousands of tests again and again.
+
+    What is there then stays out of its way: to go through it takes up to half a second, and so long
+    without a word costs a process its lease.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)

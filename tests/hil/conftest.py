@@ -5,7 +5,6 @@ event: `until` and `run_for` wait by the rig's physics time, and turn every oper
 that leases live. What the processes wrote is shown when a test fails.
 """
 
-import gc
 import json
 import math
 import os
@@ -48,15 +47,6 @@ def over_kernel(cell, folder):
         endpoint=cell.config.zenoh.endpoint,
         channels=[f"{name}={KERNEL_BUS}{i}" for i, name in enumerate(names)],
     )
-
-
-def pytest_collection_finish():
-    """Keep the collector off what is there by now: thousands of tests, and all libraries.
-
-    To go through it takes up to half a second, and so long without a word costs the lease.
-    """
-    gc.collect()
-    gc.freeze()
 
 
 def judge_config(endpoint, daemon):
