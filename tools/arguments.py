@@ -174,6 +174,33 @@ def console(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--key", type=Path, metavar="FILE", help="private key of --certificate")
 
 
+def init(parser: argparse.ArgumentParser) -> None:
+    """`telerobot init`."""
+    parser.add_argument("urdf", metavar="ARM.urdf", type=Path, help="the arm's robot description")
+    parser.add_argument(
+        "--tip",
+        metavar="LINK",
+        action="append",
+        default=[],
+        help="last link of the arm, which the tool is bolted to; found where it is not said; said "
+        "again for each other arm of the file, which become one cell",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="CELL.toml",
+        type=Path,
+        help="file to write, its script beside it; by default the URDF's name, in this folder",
+    )
+    parser.add_argument(
+        "--package",
+        metavar="NAME=DIR",
+        action="append",
+        default=[],
+        help="folder of a package that the URDF names as package://NAME; may be said again",
+    )
+    parser.add_argument("--force", action="store_true", help="write over files that exist")
+
+
 def check(parser: argparse.ArgumentParser) -> None:
     """`telerobot check`."""
     _cell(parser)

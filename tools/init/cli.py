@@ -16,32 +16,6 @@ from .make import Made, make
 from .robot import read_arms
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("urdf", metavar="ARM.urdf", type=Path, help="the arm's robot description")
-    parser.add_argument(
-        "--tip",
-        metavar="LINK",
-        action="append",
-        default=[],
-        help="last link of the arm, which the tool is bolted to; found where it is not said; said "
-        "again for each other arm of the file, which become one cell",
-    )
-    parser.add_argument(
-        "--out",
-        metavar="CELL.toml",
-        type=Path,
-        help="file to write, its script beside it; by default the URDF's name, in this folder",
-    )
-    parser.add_argument(
-        "--package",
-        metavar="NAME=DIR",
-        action="append",
-        default=[],
-        help="folder of a package that the URDF names as package://NAME; may be said again",
-    )
-    parser.add_argument("--force", action="store_true", help="write over files that exist")
-
-
 def run(args: argparse.Namespace) -> int:
     """Write the cell and its script; return 0, or 1 where a check of it fails.
 
