@@ -14,6 +14,7 @@ from .errors import ConfigError
 from .schema.cell import CellConfig
 from .schema.mechanism import MOST_DRIVES, DriveSection
 from .schema.rig import RigDriveSection
+from .urdf.elements import floats, origin_of, rotation
 from .urdf.robot import Robot, UrdfJoint
 
 # --- Joint bounds: the limits of the robot description, less the margin of each drive -------------
@@ -193,9 +194,9 @@ def _bodies(root: ET.Element, tip_link: str, payload: float) -> list[_Body]:
             mass += payload
         joint_ = carried.get(name)
         kind = "fixed" if joint_ is None else joint_.get("type", "")
-        R, p = _origin(joint_)
+        R, p = origin_of(joint_)
         axis = None if joint_ is None else joint_.find("axis")
-        along = _three("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
+        along = floats("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         found.append(
             _Body(
                 name, "" if joint_ is None else joint_.get("name", ""), kind != "fixed",
@@ -224,7 +225,7 @@ def _inertias(bodies: list[_Body], q: dict[str, float]) -> dict[str, float]:
             if body.prismatic:
                 p = p + R @ body.axis * value
             else:
-                R = R @ _turn(body.axis, value)
+                R = R @ rotation(body.axis, value)
         frames.append((R, p))
         movers.append(by)
         centre, inertia = p + R @ body.com, R @ body.inertia @ R.T
@@ -242,33 +243,12 @@ def _inertial(link: ET.Element) -> tuple[float, Vector, Vector]:
     tensor = None if inertial is None else inertial.find("inertia")
     if inertial is None or mass is None or tensor is None:
         return 0.0, np.zeros(3), np.zeros((3, 3))
-    R, com = _origin(inertial)
+    R, com = origin_of(inertial)
     xx, xy, xz, yy, yz, zz = (
         float(tensor.get(k, "0")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return float(mass.get("value", "0")), com, R @ own @ R.T
-
-
-def _origin(element: ET.Element | None) -> tuple[Vector, Vector]:
-    """Return rotation (3, 3) and translation (3,) of an element's `<origin>`."""
-    origin = None if element is None else element.find("origin")
-    if origin is None:
-        return np.eye(3), np.zeros(3)
-    roll, pitch, yaw = _three(origin.get("rpy", "0 0 0")).tolist()
-    x, y, z = np.eye(3)
-    return _turn(z, yaw) @ _turn(y, pitch) @ _turn(x, roll), _three(origin.get("xyz", "0 0 0"))
-
-
-def _turn(axis: Vector, angle: float) -> Vector:
-    """Return the rotation matrix (3, 3) about a unit axis: Rodrigues' formula."""
-    x, y, z = axis.tolist()
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
-
-
-def _three(text: str) -> Vector:
-    return np.array([float(word) for word in text.split()])
 
 
 def _link(joint: ET.Element, which: str) -> str:

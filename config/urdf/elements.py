@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ConfigError, nearest
 from ..schema.mechanism import LinkInertialSection
@@ -310,6 +311,30 @@ def carriers(root: ET.Element, link: str) -> list[str]:
     while found[-1] in above and len(found) <= len(above):
         found.append(above[found[-1]])
     return found
+
+
+def origin_of(element: ET.Element | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rotation (3, 3) and translation (3,) of an element's `<origin>`."""
+    origin = None if element is None else element.find("origin")
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    roll, pitch, yaw = floats(origin.get("rpy", "0 0 0")).tolist()
+    x, y, z = np.eye(3)
+    return rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll), floats(
+        origin.get("xyz", "0 0 0")
+    )
+
+
+def rotation(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) about a unit axis: Rodrigues' formula."""
+    x, y, z = axis.tolist()
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
+
+
+def floats(text: str) -> NDArray[np.float64]:
+    """Return the numbers of a text."""
+    return np.array([float(word) for word in text.split()])
 
 
 def mesh_links(root: ET.Element) -> list[str]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from ..errors import ConfigError, nearest
 from ..schema.cell import CellConfig
 from ..schema.mechanism import DriveSection, LinkInertialSection
@@ -15,10 +17,12 @@ from .elements import (
     carriers,
     check_bodies,
     check_elements,
+    floats,
     give_inertials,
     leave_out,
     mesh_links,
     normalise,
+    origin_of,
     refuse_xacro,
     simplify,
     unshaped_links,
@@ -33,6 +37,8 @@ from .elements import (
 CONTINUOUS_RANGE: Final = 2 * math.pi
 """A continuous joint is bounded to one turn either way: cables and counts are finite [rad]."""
 
+TURNS_FOR_EVER: Final = 1e9
+"""Wheels have no position limits: no command gets here [rad]."""
 LARGEST_FILE: Final = 1 << 24
 """A URDF of more bytes holds meshes, or is none [1]."""
 DEEPEST: Final = 32
@@ -107,26 +113,23 @@ class Robot:
         balance(root)
         simplify(root, [joint.name for joint in self.joints], root_link, looks=looks)
         normalise(root)
+        self._put_wheels_first(root)
         known = {joint.name: joint for joint in self.joints}
         for element in root.findall("joint"):
             if (joint := known.get(element.get("name", ""))) is not None:
                 _give_limits(element, joint)
         return ET.tostring(root, encoding="unicode")
 
-
-def joints_of_root(urdf: Path) -> dict[str, UrdfJoint]:
-    """Return the joints by name, fixed ones left out, that the root link carries.
-
-    Raises `ConfigError`.
-    """
-    root = read_tree(urdf)
-    joints = root.findall("joint")
-    children = {_end(joint, "child", urdf) for joint in joints}
-    moving = [joint for joint in joints if joint.get("type") != "fixed"]
-    found = [
-        _joint(joint, urdf, None) for joint in moving if _end(joint, "parent", urdf) not in children
-    ]
-    return {joint.name: joint for joint in found}
+    def _put_wheels_first(self, root: ET.Element) -> None:
+        """Move wheels before all other joints: MuJoCo orders bodies as joints stand in the file."""
+        wheels = [joint.name for joint in self.joints if joint.upper >= TURNS_FOR_EVER]
+        elements = {e.get("name", ""): e for e in root.findall("joint")}
+        order = [name for name in elements if name in wheels]
+        if order == wheels and list(elements)[: len(wheels)] == wheels:
+            return
+        for name in reversed(wheels):
+            root.remove(elements[name])
+            root.insert(0, elements[name])
 
 
 def read_robot(
@@ -217,12 +220,6 @@ def read_robot(
         )
     check_bodies(root, urdf, [joint.name for joint in joints], parent_joint)
     return Robot(urdf, tuple(reversed(joints)), inertials, without, first_link)
-
-
-def axis_of(urdf: Path, joint: str) -> tuple[float, ...]:
-    """Return the axis of a joint in its own frame. Raises `ConfigError`."""
-    found = read_tree(urdf).find(f"joint[@name='{joint}']/axis")
-    return tuple(map(float, ("1 0 0" if found is None else found.get("xyz", "")).split()))
 
 
 def read_tree(urdf: Path) -> ET.Element:
@@ -345,18 +342,37 @@ def _bound(where: str, key: str, value: float, told: float | None) -> float:
 # --- Joints of the URDF's root link beside the arm's chain: wheels before it, a sweep behind it ---
 
 
-def root_joint(where: str, robot: Robot, name: str) -> UrdfJoint:
-    """Return a joint of the root link; `where` is file and key that name it.
+def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[float, ...]]:
+    """Return a joint of the root link or of links fixed to it, and its axis (3,) in the root link.
 
-    Raises `ConfigError`.
+    `where` is file and key that name it. Raises `ConfigError`.
     """
-    known = joints_of_root(robot.urdf)
-    if name not in known:
+    root, urdf = read_tree(robot.urdf), robot.urdf
+    joints = root.findall("joint")
+    children = {_end(joint, "child", urdf) for joint in joints}
+    turned = {link.get("name", ""): np.eye(3) for link in root.findall("link")
+              if link.get("name") not in children}  # fmt: skip
+    found: dict[str, ET.Element] = {}
+    waiting = list(turned)
+    while waiting:
+        link = waiting.pop()
+        for joint in joints:
+            if _end(joint, "parent", urdf) == link and joint.get("type") == "fixed":
+                child = _end(joint, "child", urdf)
+                turned[child] = turned[link] @ origin_of(joint)[0]
+                waiting.append(child)
+            elif _end(joint, "parent", urdf) == link:
+                found[joint.get("name", "")] = joint
+    if name not in found:
         raise ConfigError(
-            f"{where}: value '{name}': no joint on the root link of {robot.urdf}"
-            f"{nearest(name, list(known))}"
+            f"{where}: value '{name}': no joint on the root link of {urdf}"
+            f"{nearest(name, list(found))}"
         )
-    return known[name]
+    element = found[name]
+    axis = element.find("axis")
+    along = floats("1 0 0" if axis is None else axis.get("xyz", ""))
+    along = turned[_end(element, "parent", urdf)] @ origin_of(element)[0] @ along
+    return _joint(element, urdf, None), tuple(along.round(6).tolist())
 
 
 def beside_chain(
@@ -398,7 +414,7 @@ def with_sweep(
     if sweep is None:
         return config, robot
     where = f"{path}: {words('mechanism.sweep')}"
-    joint = root_joint(f"{where}.joint", robot, sweep.joint)
+    joint, _ = root_joint(f"{where}.joint", robot, sweep.joint)
     if joint.kind != "revolute":
         raise ConfigError(f"{where}.joint: value '{sweep.joint}': must be of type revolute")
     margin = next(
@@ -414,9 +430,6 @@ def with_sweep(
 
 
 # --- The wheels of a base: joints of the URDF beside the chain that turn for ever -----------------
-
-TURNS_FOR_EVER: Final = 1e9
-"""Wheels have no position limits: no command gets here [rad]."""
 
 
 def with_wheels(
@@ -434,10 +447,10 @@ def with_wheels(
     for side in ("left", "right"):
         name = getattr(base.wheels, side)
         where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
-        joint = root_joint(where, robot, name)
-        if joint.kind != "continuous" or axis_of(robot.urdf, name) != (0.0, 1.0, 0.0):
+        joint, axis = root_joint(where, robot, name)
+        if joint.kind != "continuous" or axis != (0.0, 1.0, 0.0):
             raise ConfigError(
-                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0"
+                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0 of Base"
             )
         found.append(replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER))
     return beside_chain(config, robot, before=tuple(found))

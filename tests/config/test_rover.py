@@ -1,7 +1,10 @@
 """A rover's cell: what cannot be is refused before anything moves, with file and key."""
 
+import mujoco
+import numpy as np
 import pytest
 from telerobot.config.load import ConfigError, load_cell
+from telerobot.drivers.rig.physics.scene import build_model
 
 
 def two(first, second):
@@ -96,3 +99,53 @@ def test_joints_beside_the_chain_are_on_the_root_link(cell, wrong, words):
     with pytest.raises(ConfigError) as refused:
         cell(text.replace(*wrong))
     assert words in str(refused.value)
+
+
+WHEEL = '<origin xyz="0 0.25 0.12"/>\n    <axis xyz="0 1 0"/>'
+"""Place and axis of the rover's left wheel in its URDF."""
+
+
+CHASSIS = '<collision><origin xyz="0.2 0 0.42"/><geometry><cylinder radius="0.06" length="0.16"/>'
+
+
+def altered(cell, tmp_path, old, new):
+    """Load the rover with another text in its URDF."""
+    text = load_cell("rover").robot.urdf.read_text()
+    assert old in text
+    (tmp_path / "altered.urdf").write_text(text.replace(old, new))
+    rover = load_cell("rover").path.read_text()
+    return cell(rover.replace('urdf = "rover"', 'urdf = "./altered.urdf"'))
+
+
+def turned(cell, tmp_path, rpy, axis):
+    """Load the rover with its left wheel's joint turned, and so its axis."""
+    wheel = f'<origin xyz="0 0.25 0.12" rpy="{rpy}"/><axis xyz="{axis}"/>'
+    return altered(cell, tmp_path, WHEEL, wheel)
+
+
+def test_a_wheels_axis_is_judged_where_its_joint_is_turned_to(cell, tmp_path):
+    rover = turned(cell, tmp_path, "-1.5707963 0 0", "0 0 1")
+    assert rover.joints[0] == "wheel_left"
+    model, _ = build_model(rover)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tyre = data.geom("wheel_left_tyre")
+    assert np.abs(tyre.xmat.reshape(3, 3)[:, 1]) == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+    for rpy, axis in (("0 0 0", "0 0 1"), ("-1.5707963 0 0", "0 1 0")):
+        with pytest.raises(
+            ConfigError, match="must be of type continuous, about axis 0 1 0 of Base"
+        ):
+            turned(cell, tmp_path, rpy, axis)
+
+
+def test_a_chassis_whose_shape_reaches_below_the_floor_stands_on_its_wheels(cell, tmp_path):
+    """As a capsule around a flat one does: the floor would throw it up."""
+    low = '<collision><origin xyz="0.1 0 0.2"/><geometry><sphere radius="0.3"/>'
+    rover = altered(cell, tmp_path, CHASSIS, low)
+    model, _ = build_model(rover)
+    data = mujoco.MjData(model)
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    base = int(model.joint("base_free").qposadr[0])
+    assert data.qpos[base + 2] == pytest.approx(0.0, abs=0.01)
+    assert np.abs(data.qvel[model.joint("base_free").dofadr[0] :][:3]).max() < 0.05

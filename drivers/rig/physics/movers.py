@@ -1,6 +1,7 @@
 """What moves in the virtual world: a platform under the arm, the Carrier, a chassis that drives."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -109,6 +110,8 @@ FLOOR: Final = "floor"
 """Geom that wheels, casters and the arm stand on and touch; it is no obstacle."""
 ROLLS: Final = 4
 """Contact group of wheels, casters and floor."""
+CHASSIS: Final = 8
+"""Contact group of the chassis, which touches all that an arm does but the floor."""
 FREE: Final = "base_free"
 """Joint of the chassis: place and quaternion of Base in World."""
 GRIP: Final = 0.9
@@ -136,7 +139,15 @@ def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
             size=(wheels.radius, _HALF_WIDTH * wheels.radius, wheels.radius),
             density=0,
         )
+        axis = np.array(arm.joint(name).axis)
+        if axis[1] < 0.99:  # the tyre's y axis along the wheel's
+            turn = np.array([1.0 + axis[1], axis[2], 0.0, -axis[0]])
+            tyre.quat = turn / np.linalg.norm(turn)
         _rolls(tyre, GRIP)
+    for body in _welded(root):  # capsules reach below it where a chassis is flat
+        for shape in body.geoms:
+            shape.contype &= ~ARM
+            shape.contype |= CHASSIS
     for side in (-1.0, 1.0):
         ball = root.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -145,6 +156,14 @@ def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
             density=0,
         )
         _rolls(ball, 0.0)
+
+
+def _welded(body: mujoco.MjsBody) -> Iterator[mujoco.MjsBody]:
+    """Yield a body, and those that no joint moves relative to it."""
+    yield body
+    for child in body.bodies:
+        if not child.joints:
+            yield from _welded(child)
 
 
 def add_floor(spec: mujoco.MjSpec) -> None:
