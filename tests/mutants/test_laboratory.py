@@ -1,9 +1,11 @@
 """The laboratory itself, on a module with a change that its tests do not notice."""
 
+import importlib
 import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -115,3 +117,15 @@ def test_two_statements_that_say_the_same_are_two_mutants(monkeypatch):
     assert "x += 1 → x -= 1" in found
     assert "x += 1 → x -= 1  #2" in found
     assert len(found) == len(set(found))
+
+
+def test_the_programme_names_modules_and_tests_that_are_there(monkeypatch):
+    monkeypatch.syspath_prepend(str(HERE))
+    run = importlib.import_module("run")
+    assert run.lost(tomllib.loads(run.SURVIVORS.read_text())) == []
+    monkeypatch.setitem(run.TARGETS, "server.gone", ("tests/server/gone",))
+    assert run.lost(["server.left"]) == [
+        "server.gone: no such module",
+        "server.gone: no tests tests/server/gone",
+        "server.left: is in survivors.toml, and is no module here",
+    ]
