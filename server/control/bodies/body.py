@@ -219,7 +219,9 @@ class Resolver:
                 outside["spheres"] = self._priority.rates(near, plain)
             posture, length = request.objectives.posture, self._section.characteristic_length
             view = View(q, J, dq, task.null, posture, outside, request.payload, length)
-            self_motion = self._redundancy.rate(view, request.objectives, request.speed_factor, D)
+            self_motion = self._redundancy.rate(
+                view, request.objectives, request.speed_factor, D, self._own
+            )
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
         return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)

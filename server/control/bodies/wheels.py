@@ -61,6 +61,9 @@ class DrivenArm(SerialArm):
         n, self._base = p.joints.n, joints
         self._alone, self._with = np.ones(n), np.ones(n)
         self._alone[joints], self._with[joints] = STANDING, weight
+        self._arm_only = np.ones(n)
+        self._arm_only[joints] = 0.0
+        self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
         self._ranks = mechanism.arm_rank or mechanism.rank, mechanism.rank
         self._most, self._length = p.joints.velocity[joints], p.resolve.characteristic_length
 
@@ -135,9 +138,6 @@ class WheeledArm(DrivenArm):
     ) -> None:
         """Build it."""
         super().__init__(WHEELS, section.weight, p, mechanism, redundancy, field)
-        self._arm_only = np.ones(p.joints.n)
-        self._arm_only[WHEELS] = 0.0
-        self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
         self._rolling = DifferentialDrive(section.wheels.radius, section.wheels.track)
         self.relief[WHEELS] = 0.0
 

@@ -81,7 +81,12 @@ class Redundancy:
         return ObjectiveGains(gains, now.posture + part * away)
 
     def rate(
-        self, view: View, objectives: ObjectiveGains, factor: float, scale: Array | None = None
+        self,
+        view: View,
+        objectives: ObjectiveGains,
+        factor: float,
+        scale: Array | None = None,
+        own: Array | None = None,
     ) -> SelfMotion:
         """Return the self-motion in one tick's `view`.
 
@@ -90,7 +95,8 @@ class Redundancy:
         no self-motion slows the tool.
 
         Joints that share the work unequally, as `scale` D (n,) says, have `null` of J D: then the
-        projector is the oblique D nullᵀ null D⁻¹. Wheels of a base have no wishes of their own.
+        projector is the oblique D nullᵀ null D⁻¹. Joints where `own` (n,) is 0 have no wishes of
+        their own.
         """
         names, gains = self._act(objectives)
         if not self._spare or not names:
@@ -99,10 +105,11 @@ class Redundancy:
         asked, dq, norms = np.empty((len(names), n)), np.zeros(n), np.zeros(len(names))
         for i, name in enumerate(names):
             asked[i] = self._objectives[name].rate(view)
+        if own is not None:
+            asked *= own
         if scale is None:
             _compose(asked, gains, null, dq_task, self._velocity, self._bound, factor, dq, norms)
         else:
-            asked[:, :2] = 0.0
             task, most, bound = dq_task / scale, self._velocity / scale, self._bound / scale
             _compose(asked / scale, gains, null, task, most, bound, factor, dq, norms)
             dq *= scale
