@@ -181,6 +181,24 @@ class DifferentialBaseSection(DrivenSection):
         return (self.speed, self.angular_speed)
 
 
+class GantrySection(DrivenSection):
+    """Rails that carry the arm: one to three prismatic joints, the first ones of the chain.
+
+    Units of their drives are metres and newtons. `cmd/drive` and the keys v, b drive the first of
+    them, the keys `,` and `.` the second; a tool that is led far takes all of them along.
+    """
+
+    rate_units: ClassVar[tuple[str, ...]] = ("m/s", "m/s")
+    joints: tuple[UrdfName, ...] = Field(
+        min_length=1, max_length=3, description="prismatic joints of the URDF, from the floor on"
+    )
+
+    @property
+    def most(self) -> tuple[float, ...]:
+        """The greatest rates along the first axis, and along the second one."""
+        return (self.speed, self.speed if len(self.joints) > 1 else 0.0)
+
+
 # --- Schema of an axis that sweeps: a scanner's tilt ----------------------------------------------
 
 
@@ -576,6 +594,9 @@ class MechanismSection(Section):
     base: DifferentialBaseSection | None = Field(
         None, description="wheels that carry the arm; absent: it stands where T_world_base says"
     )
+    gantry: GantrySection | None = Field(
+        None, description="rails that carry the arm; absent: it stands where T_world_base says"
+    )
     payloads: dict[Name, PayloadSection] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
@@ -593,10 +614,22 @@ class MechanismSection(Section):
             )
         return mrf
 
+    @model_validator(mode="after")
+    def _rails_come_first(self) -> "MechanismSection":
+        if self.gantry is not None and (self.base is not None or self.backbone is not None):
+            raise ValueError("gantry: an arm that rolls, or follows a curve, has none")
+        rails = () if self.gantry is None else self.gantry.joints
+        first = tuple(drive.joint for drive in self.drives[: len(rails)])
+        if first != rails:
+            raise ValueError(
+                f"gantry.joints: {', '.join(rails)}: the first drives are {', '.join(first)}"
+            )
+        return self
+
     @property
     def driven(self) -> "DrivenSection | None":
-        """What an operator drives as a whole, beside the tool: a base; None for nothing."""
-        return self.base
+        """What an operator drives as a whole, beside the tool; None for nothing."""
+        return self.base or self.gantry
 
     @property
     def beside_chain(self) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ from .bodies.body import (
     RateRequest,
     SerialArm,
 )
+from .bodies.gantry import GantryArm
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
@@ -247,7 +248,7 @@ LATELY = 0.9
 STANDING = 1e-9
 """Joint rates [rad/s] and accelerations [rad/s²] below this are rounding, not motion."""
 
-BODIES: Final = (BackboneArm, WheeledArm, SerialArm)
+BODIES: Final = (BackboneArm, WheeledArm, GantryArm, SerialArm)
 """Kinds of bodies; a mechanism's is the first that the cell has a section for."""
 
 TOUCHING = 3e-3

@@ -14,6 +14,7 @@ CELL_OF = {
     "hand_swell": "pa10_hand",
     "reflect_rate": "pa10_reflect",
     "reflect_pose": "pa10_reflect",
+    "reach_along": "gantry",
 }
 ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))

@@ -1,0 +1,64 @@
+"""An arm on a gantry: rails that an operator drives, and that share the work of a tool led far.
+
+The law is that of `DrivenArm`. Rails stand in World, so that a motion relative to Base is one in
+World, and they are ordinary joints: with limits, postures and objectives like the arm's.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from ....config.errors import ConfigError
+from ....config.load import Cell
+from ....config.schema.mechanism import GantrySection
+from ..mechanism.field import Field
+from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.redundancy import Redundancy
+from ..parameters import Parameters
+from ..spatial import Array
+from .body import Builder, DriveRequest, Environment, JointRates, RateRequest
+from .wheels import DrivenArm
+
+
+class GantryArm(DrivenArm):
+    """An arm on one to three prismatic joints."""
+
+    def __init__(
+        self,
+        section: GantrySection,
+        p: Parameters,
+        mechanism: Mechanism,
+        redundancy: Redundancy,
+        field: Field,
+    ) -> None:
+        """Build it."""
+        self._axes = len(section.joints)
+        rails = slice(0, self._axes)
+        super().__init__(rails, section.weight, p, mechanism, redundancy, field)
+
+    @classmethod
+    def builder(cls, cell: Cell) -> Builder | None:
+        """Return what builds it for a cell with a gantry. Raises `ConfigError`."""
+        section = cell.config.mechanism.gantry
+        if section is None:
+            return None
+        for joint in cell.robot.joints[: len(section.joints)]:
+            if joint.kind != "prismatic":
+                where = f"{cell.path}: mechanism.gantry.joints"
+                raise ConfigError(f"{where}: {joint.name} is {joint.kind}, prismatic is expected")
+        return partial(cls, section)
+
+    def asked(self, drive: DriveRequest) -> Array:
+        """Return the rails' rates [m/s] of a drive, which knows of the first two."""
+        return np.array((drive.speed, drive.turn, 0.0)[: self._axes])
+
+    def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
+        """Return joint rates (n,) towards a posture, also of rails that nobody drives."""
+        driven = bool(np.count_nonzero(self.asked(drive)))
+        return super().with_drive(rates, drive, factor) if driven else rates
+
+    def rates(
+        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
+    ) -> JointRates:
+        """Return rates of rails and arm at the commanded posture q (n,)."""
+        return super().rates(q, k, request._replace(relative_to_base=False), environment)

@@ -1,0 +1,106 @@
+"""An arm on a gantry: its law by numpy, and that the arm answers what the gantry is driven at."""
+
+import numpy as np
+import pytest
+from telerobot.config.load import ConfigError, altered, load_cell
+from telerobot.protocols.messages.messages import Drive
+from telerobot.server.commands.commands import drive_commands
+from telerobot.server.control.arm import Arm
+from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
+from telerobot.server.control.spatial import Pose
+from telerobot.server.refusals import Refused
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+BENT = np.array([-0.4, 0.1, 0.2, 3.0, -1.6, 1.7, 0.1, 1.4, -1.4])
+WEIGHT = 2.0
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return load_cell("gantry")
+
+
+@pytest.fixture(scope="module")
+def arm(cell):
+    return Arm.of(cell)
+
+
+@pytest.fixture
+def rates(arm):
+    k = arm.mechanism.kinematics(BENT, arm.p.T_wrist_tool)
+
+    def found(twist, **more):
+        request = RateRequest(
+            np.array(twist), np.zeros(3), arm.redundancy.objectives, 1.0, spare=True, **more
+        )
+        return k.J, arm.body.rates(BENT, k, request, Environment())
+
+    return found
+
+
+@pytest.mark.parametrize("relative_to_base", [False, True])
+def test_the_rails_share_the_work_of_a_tool_by_their_weight(rates, relative_to_base):
+    """Zhang 2013, eqs. 7 and 8, weighted. Base stands: relative to it is in World."""
+    twist = np.array([0.1, -0.05, 0.03, 0.1, 0.0, -0.2])
+    J, found = rates(twist, relative_to_base=relative_to_base)
+    D = np.diag([WEIGHT] * 3 + [1.0] * 6)
+    task = found.dq - found.self_motion.dq
+    assert task == pytest.approx(D @ np.linalg.pinv(J @ D) @ twist, abs=1e-9)
+    assert J @ found.dq == pytest.approx(twist, abs=1e-12)
+
+
+def test_rails_that_are_driven_go_as_told_and_the_arm_keeps_the_tool_in_world(rates):
+    twist = np.array([0.0, 0.02, 0.0, 0.0, 0.0, 0.1])
+    J, found = rates(twist, drive=DriveRequest(0.2, turn=-0.1))
+    assert found.dq[:3] == pytest.approx([0.2, -0.1, 0.0], abs=1e-12)
+    assert J @ found.dq == pytest.approx(twist, abs=1e-9)
+    assert not found.wheels_commanded
+
+
+def test_a_drive_beyond_the_rails_own_speeds_is_slowed_in_proportion(arm):
+    driven = arm.body.driven(DriveRequest(3.0, turn=1.5), 0.5)
+    assert driven == pytest.approx([0.3, 0.15, 0.0])
+
+
+def test_a_posture_is_the_rails_too_unless_they_are_driven(arm):
+    towards = np.arange(9.0)
+    assert arm.body.with_drive(towards, DriveRequest(), 1.0) == pytest.approx(towards)
+    driven = arm.body.with_drive(towards, DriveRequest(0.1), 1.0)
+    assert driven == pytest.approx([0.1, 0.0, 0.0, *towards[3:]])
+
+
+def test_joints_that_do_not_come_first_or_turn_are_no_rails(cell):
+    with pytest.raises(ConfigError, match=r"gantry.joints: y, x: the first drives are x, y"):
+        altered(cell, {"mechanism.gantry": {"joints": ["y", "x"]}})
+    turning = altered(load_cell("ur5e"), {"mechanism.gantry": {"joints": ["pan"]}})
+    with pytest.raises(ConfigError, match=r"gantry.joints: pan is revolute, prismatic is expected"):
+        Arm.of(turning)
+
+
+@pytest.mark.parametrize(
+    ("joints", "rates", "words"),
+    [
+        (("x", "y", "z"), [0.41, 0.0], r"rates\[0\]: 0.41 m/s: at most 0.4"),
+        (("x", "y", "z"), [0.0, -0.5], r"rates\[1\]: -0.5 m/s: at most 0.4"),
+        (("x",), [0.1, 0.1], r"rates\[1\]: 0.1 m/s: at most 0 "),
+    ],
+)
+def test_a_drive_that_the_rails_cannot_do_is_refused_with_its_bound(cell, joints, rates, words):
+    told = drive_commands(altered(cell, {"mechanism.gantry.joints": joints}))
+    with pytest.raises(Refused, match=words):
+        told.take(Drive(seen_tick=0, rates=rates), 0.0, Pose.identity())
+
+
+def test_driven_on_at_the_rails_end_it_stops_there_and_the_tool_stays(cell):
+    near = (1.2, *cell.config.mechanism.postures["ready"][1:])
+    cell = altered(cell, {"mechanism.postures.start": near})
+    steps = [{"at_s": 0.2, "cmd/drive": {"rates": [0.4, 0.0]}}]
+    simulation = Simulation(cell, Script.model_validate({"duration_s": 3.0, "step": steps}))
+    result = simulation.run()
+    rail = np.array([truth.q[0] for truth in result.truths])
+    tool = np.array([truth.pose_mrf[:3] for truth in result.truths])
+    assert result.summary["mode"] == "enabled"
+    assert 1.3 < rail.max() <= 1.49 + 1e-4  # its limit less the drive's margin
+    assert np.linalg.norm(tool - tool[0], axis=1).max() < 0.01
+    assert result.summary["limit_violations"] == 0
