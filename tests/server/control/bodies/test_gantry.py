@@ -9,7 +9,7 @@ from telerobot.server.control.arm import Arm
 from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.refusals import Refused
-from telerobot.tools.scripts.script import Script
+from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 
 BENT = np.array([-0.4, 0.1, 0.2, 3.0, -1.6, 1.7, 0.1, 1.4, -1.4])
@@ -104,3 +104,18 @@ def test_driven_on_at_the_rails_end_it_stops_there_and_the_tool_stays(cell):
     assert 1.3 < rail.max() <= 1.49 + 1e-4  # its limit less the drive's margin
     assert np.linalg.norm(tool - tool[0], axis=1).max() < 0.01
     assert result.summary["limit_violations"] == 0
+
+
+def test_led_far_along_the_tool_does_not_overshoot_and_stays_while_the_rails_go_below():
+    """The shipped script: 1.8 m, then 0.15 and 0.1 m/s under a tool that stays."""
+    simulation = Simulation(load_cell("gantry"), load_script("reach_along"))
+    result = simulation.run()
+    assert result.ok
+    states = result.states[-len(result.truths) :]
+    goal = np.array(next(s.target_mrf for s in reversed(states) if s.target_mrf)[:3])
+    off = np.linalg.norm([np.array(t.pose_mrf[:3]) - goal for t in result.truths], axis=1)
+    there = int(np.argmax([state.at_goal for state in states]))
+    rails = np.array([truth.q[:3] for truth in result.truths])
+    assert np.ptp(rails[:there, 0]) > 1.4
+    assert np.linalg.norm(rails[-1] - rails[there]) > 0.2
+    assert off[there:].max() < 0.004
