@@ -95,7 +95,7 @@ def sizes(twist: Array) -> tuple[float, float]:
     return math.sqrt(v2), math.sqrt(w2)
 
 
-@inner_kernel
+@compiled(MATRIX)
 def rotation_log(R: Array) -> Array:
     """Return the rotation vector (3,) [rad] of R (3, 3), norm at most π."""
     axis = np.empty(3)
@@ -121,7 +121,7 @@ def rotation_log(R: Array) -> Array:
     return column * (math.copysign(angle, sign) / math.sqrt(size))
 
 
-@inner_kernel
+@compiled(VECTOR)
 def rotation_exp(r: Array) -> Array:
     """Return R (3, 3) of a rotation vector (3,) [rad] (Rodrigues)."""
     x, y, z = r[0], r[1], r[2]
