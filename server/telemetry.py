@@ -66,12 +66,14 @@ def _described(part: Cell) -> dict[str, Any]:
     config = part.config
     drives, joints = config.mechanism.drives, part.robot.joints
     bounds = joint_bounds(joints, drives)
+    slides = tuple(joint.kind == "prismatic" for joint in joints)
     return {
         "task": part.task,
         "mechanism": config.mechanism.name,
         "joints": tuple(f"{part.prefix}{j.name}" for j in joints),
         "lower": bounds.lower,
         "upper": bounds.upper,
+        "slides": slides if any(slides) else (),
         "insertion": described_insertion(part),
         "base": described_base(part),
         "max_velocity": tuple(d.max_velocity for d in drives),

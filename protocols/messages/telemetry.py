@@ -151,10 +151,13 @@ class TaskDescription(Message):
     lower: JointVector
     upper: JointVector
     max_velocity: JointVector
+    slides: tuple[bool, ...] = ()
+    """Which joints slide, in metres; of an arm without one that does, none."""
     insertion: dict[str, float] | None = None
     """Of an arm in tunnels: its greatest `speed` [m/s] and greatest `depth` [m]."""
     base: dict[str, float] | None = None
-    """Of a base on wheels: its greatest `speed` [m/s] and `angular_speed` [rad/s]."""
+    """Of a base on wheels: its greatest `speed` [m/s] and `angular_speed` [rad/s]; of a gantry, of
+    its second axis [m/s]."""
 
 
 class Description(TaskDescription):

@@ -264,9 +264,13 @@ def tool_words(pose: Sequence[float]) -> str:
     return f"xyz {x:+.3f} {y:+.3f} {z:+.3f} m  {axes}"
 
 
-def joint_words(names: Sequence[str], q: Sequence[float]) -> str:
-    """Return joint angles (n,) [rad] in degrees."""
-    return " ".join(f"{name} {math.degrees(a):+.1f}°" for name, a in zip(names, q, strict=False))
+def joint_words(names: Sequence[str], q: Sequence[float], slides: Sequence[bool] = ()) -> str:
+    """Return joint angles (n,) [rad] in degrees, and in millimetres those of joints that slide."""
+    kinds = (*slides, *[False] * (len(names) - len(slides)))
+    return " ".join(
+        f"{name} {1e3 * x:+.1f} mm" if slide else f"{name} {math.degrees(x):+.1f}°"
+        for name, x, slide in zip(names, q, kinds, strict=False)
+    )
 
 
 def share_words(sources: Mapping[str, Sequence[float]]) -> str:
@@ -281,13 +285,18 @@ def share_words(sources: Mapping[str, Sequence[float]]) -> str:
 
 
 def arm_lines(
-    state: State, led: TaskState, task: Sequence[str], jogged: Sequence[str], first: int
+    state: State,
+    led: TaskState,
+    task: Sequence[str],
+    jogged: Sequence[str],
+    first: int,
+    slides: Sequence[bool] = (),
 ) -> list[str]:
     """Return the lines of an arm; `jogged` names its joints while they are jogged, else nothing.
 
-    `first` is the place of its first joint among the cell's.
+    `first` is the place of its first joint among the cell's, `slides` which of them slide.
     """
-    where = joint_words(jogged, state.q[first:]) if jogged else tool_words(led.pose_mrf)
+    where = joint_words(jogged, state.q[first:], slides) if jogged else tool_words(led.pose_mrf)
     head = [state.mode.upper(), *task, where]
     if state.protective_stop:
         head.append("PROTECTIVE STOP")
@@ -589,7 +598,8 @@ class KeyboardTeleop:
             insecure=operator.description is not None
             and operator.description.network == "insecure",
         )
-        arm = arm_lines(state, led, tuple(self._task.values()), jogged, first)
+        slides = self._tasks[self.hand].slides
+        arm = arm_lines(state, led, tuple(self._task.values()), jogged, first, slides)
         return *arm, " | ".join([self._stick(), *link_words(state, link)])
 
     def _stick(self) -> str:

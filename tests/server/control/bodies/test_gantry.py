@@ -9,6 +9,7 @@ from telerobot.server.control.arm import Arm
 from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.refusals import Refused
+from telerobot.server.telemetry import describe
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -119,3 +120,10 @@ def test_led_far_along_the_tool_does_not_overshoot_and_stays_while_the_rails_go_
     assert np.ptp(rails[:there, 0]) > 1.4
     assert np.linalg.norm(rails[-1] - rails[there]) > 0.2
     assert off[there:].max() < 0.004
+
+
+def test_operators_are_told_which_joints_slide_and_how_fast_the_rails_may_be_driven(cell):
+    told = describe(cell)
+    assert told.slides == (True,) * 3 + (False,) * 6
+    assert told.base == {"speed": 0.4, "angular_speed": 0.4}
+    assert describe(load_cell("ur5e")).slides == ()

@@ -44,6 +44,7 @@ def test_shares_name_the_sources_that_move_the_tool_and_no_others():
 
 def test_joints_are_told_in_degrees():
     assert joint_words(("s1", "e1"), (0.0, np.pi / 2)) == "s1 +0.0° e1 +90.0°"
+    assert joint_words(("x", "pan"), (-1.25, 0.0), (True, False)) == "x -1250.0 mm pan +0.0°"
 
 
 def test_the_lines_of_an_arm_say_force_per_axis_and_limits_in_words():

@@ -47,11 +47,11 @@ export function createJog(element, held, choices) {
   return {
     update(state) {
       if (!choices.led || element.offsetParent === null) return;
-      const { lower, upper } = choices.led;
+      const { lower, upper, slides } = choices.led;
       joints.forEach(({ place, angle }, i) => {
         const q = state.q[choices.firstJoint + i];
         if (q === null || q === undefined) return;
-        setText(angle, `${fixed((q * 180) / Math.PI, 1)}°`);
+        setText(angle, slides?.[i] ? `${fixed(1000 * q, 0)} mm` : `${fixed((q * 180) / Math.PI, 1)}°`);
         place.style.left = `${Math.max(0, Math.min(1, (q - lower[i]) / (upper[i] - lower[i]))) * 100}%`;
       });
     },
