@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled, inner_kernel
+from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 
 # --- Poses, rotations and twists, and how they change with frame ----------------------------------
 #
@@ -142,7 +142,7 @@ def rotation_exp(r: Array) -> Array:
     return R
 
 
-@inner_kernel
+@compiled(VECTOR)
 def right_jacobian(r: Array) -> Array:
     """Return Jr (3, 3) with body rate ω = Jr(r) dr/dt for R = exp(r)."""
     x, y, z = r[0], r[1], r[2]
@@ -187,7 +187,7 @@ def _turn(R_target: Array, r: Array, rates: Array, R: Array, twist: Array) -> No
                 twist[3 + i] += R[i, j] * Jr[j, k] * rates[3 + k]
 
 
-@inner_kernel
+@compiled(VECTOR, VECTOR)
 def vector_rate(r: Array, w: Array) -> Array:
     """Return the rate (3,) of a rotation vector r (3,), |r| < 2π, at a body rate w (3,) [rad/s].
 

@@ -24,7 +24,6 @@ from ..compiled import (
     TABLE,
     VECTOR,
     compiled,
-    inner_kernel,
 )
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
@@ -384,7 +383,7 @@ def _lever(placed: PlacedArrays, moves: Flags, prismatic: Flags, lever: Array) -
             lever[c, j] = math.sqrt(farthest)
 
 
-@inner_kernel
+@compiled(MATRIX, VECTOR)
 def travel(lever: Array, way: Array) -> Array:
     """Return how far capsules move at most (c,) [m] when joints move by no more than `way` (n,).
 

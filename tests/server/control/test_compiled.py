@@ -1,11 +1,14 @@
 import importlib
 import pkgutil
+import sys
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 import telerobot.drivers.rig as rig
+import telerobot.server as server
 import telerobot.server.control as control
 from telerobot.server.control.compiled import COUNT, MATRIX, VECTOR, compiled
 
@@ -69,12 +72,44 @@ def test_kernels_call_kernels_of_their_own_file_only():
 
 
 def test_every_kernel_is_compiled_for_stated_types_once_or_into_those_that_call_it():
+    """One that Python calls, too, would be compiled at the first call, in the middle of a tick."""
     called = {id(thing) for _, kernel in kernels() for thing in globals_of(kernel)}
     for name, kernel in kernels():
-        if kernel._can_compile:
-            assert id(kernel) in called, f"{name}: no kernel calls it"
-        else:
+        if not kernel._can_compile:
             assert len(kernel.signatures) == 1, name
+            continue
+        assert id(kernel) in called, f"{name}: no kernel calls it"
+        for where, users in python_users():
+            assert id(kernel) not in users, f"{name}: {where} calls it"
+
+
+@cache
+def python_users():
+    """Return what is no kernel, by name, and what the names in it are."""
+    found = []
+    for room in (server, rig):
+        for module in pkgutil.walk_packages(room.__path__, room.__name__ + "."):
+            importlib.import_module(module.name)
+    for module_name, module in list(sys.modules.items()):
+        if not module_name.startswith("telerobot."):
+            continue
+        for holder in (module, *[x for x in vars(module).values() if isinstance(x, type)]):
+            for name, thing in vars(holder).items():
+                code = getattr(getattr(thing, "__func__", thing), "__code__", None)
+                if hasattr(thing, "py_func") or getattr(thing, "__module__", "") != module_name:
+                    continue
+                if code is not None:
+                    names = {n for c in (code, *nested(code)) for n in c.co_names}
+                    at = getattr(module, "__dict__", {})
+                    used = frozenset(id(at[n]) for n in names if n in at)
+                    found.append((f"{module_name}.{name}", used))
+    return found
+
+
+def nested(code):
+    """Return the code inside of code, as of lambdas."""
+    inside = [c for c in code.co_consts if hasattr(c, "co_names")]
+    return [*inside, *(deeper for c in inside for deeper in nested(c))]
 
 
 def globals_of(kernel):
