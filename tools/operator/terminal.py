@@ -598,7 +598,7 @@ class KeyboardTeleop:
             insecure=operator.description is not None
             and operator.description.network == "insecure",
         )
-        slides = self._tasks[self.hand].slides
+        slides = self._tasks[self.hand].slides if jogged else ()
         arm = arm_lines(state, led, tuple(self._task.values()), jogged, first, slides)
         return *arm, " | ".join([self._stick(), *link_words(state, link)])
 

@@ -158,3 +158,16 @@ def test_keys_for_an_arm_that_holds_a_payload_with_others_lead_all_of_them():
     assert client.streams["cmd/joystick"]["task"] == "beam"
     teleop.press("y", 0.1)
     assert lines[-1] == "the keys lead beam"
+
+
+def test_the_status_is_shown_before_the_description_has_come(make_state):
+    operator = SimpleNamespace(
+        client=Client(),
+        state=make_state(mode="ready"),
+        state_since_s=0.0,
+        holds_lease=False,
+        description=None,
+        round_trip=SimpleNamespace(seconds=None, heard_s=None),
+    )
+    arm, _ = KeyboardTeleop(operator, print).lines(0.1)
+    assert arm.startswith("READY | xyz")
