@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import GantrySection
 from ..mechanism.field import Field
@@ -17,7 +16,7 @@ from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..spatial import Array
 from .body import Builder, DriveRequest, Environment, JointRates, RateRequest
-from .wheels import DrivenArm
+from .wheels import STANDING, DrivenArm
 
 
 class GantryArm(DrivenArm):
@@ -38,19 +37,19 @@ class GantryArm(DrivenArm):
 
     @classmethod
     def builder(cls, cell: Cell) -> Builder | None:
-        """Return what builds it for a cell with a gantry. Raises `ConfigError`."""
+        """Return what builds it for a cell with a gantry."""
         section = cell.config.mechanism.gantry
-        if section is None:
-            return None
-        for joint in cell.robot.joints[: len(section.joints)]:
-            if joint.kind != "prismatic":
-                where = f"{cell.path}: mechanism.gantry.joints"
-                raise ConfigError(f"{where}: {joint.name} is {joint.kind}, prismatic is expected")
-        return partial(cls, section)
+        return None if section is None else partial(cls, section)
 
     def asked(self, drive: DriveRequest) -> Array:
         """Return the rails' rates [m/s] of a drive, which knows of the first two."""
         return np.array((drive.speed, drive.turn, 0.0)[: self._axes])
+
+    def holding_back(self, base: Array) -> Array:
+        """Return the shares (n,): rails that nobody drives stand."""
+        shares = self._with.copy()
+        shares[self._base][base == 0.0] = STANDING
+        return shares
 
     def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
         """Return joint rates (n,) towards a posture, also of rails that nobody drives."""

@@ -83,6 +83,10 @@ class DrivenArm(SerialArm):
         """Return how far the base follows the tool's twist (6,), 0 to 1."""
         return 1.0
 
+    def holding_back(self, base: Array) -> Array:  # noqa: ARG002  others look
+        """Return the shares (n,) of joints in what an arm cannot answer of a base's rates."""
+        return self._with
+
     def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
         """Return joint rates (n,) with those of a driven base."""
         rates = rates.copy()
@@ -118,7 +122,7 @@ class DrivenArm(SerialArm):
             return found._replace(wheels_commanded=bool(self.synchronized))
         # The arm cannot answer the drive: the base goes no further than the tool allows.
         J = judged_at(k, request.lever).J
-        shares = Shares(self._ranks[1], self._with)
+        shares = Shares(self._ranks[1], self.holding_back(base))
         rest = self._resolver.resolve(q, J, left, request.lever, shares)
         return found._replace(dq=dq + rest.dq, limits=("singularity",))
 

@@ -71,12 +71,25 @@ def test_a_posture_is_the_rails_too_unless_they_are_driven(arm):
     assert driven == pytest.approx([0.1, 0.0, 0.0, *towards[3:]])
 
 
-def test_joints_that_do_not_come_first_or_turn_are_no_rails(cell):
-    with pytest.raises(ConfigError, match=r"gantry.joints: y, x: the first drives are x, y"):
-        altered(cell, {"mechanism.gantry": {"joints": ["y", "x"]}})
-    turning = altered(load_cell("ur5e"), {"mechanism.gantry": {"joints": ["pan"]}})
+def test_joints_that_do_not_come_first_or_turn_are_no_rails(tmp_path):
+    """Told when the cell is read, so that `check` says it, too."""
+    path = tmp_path / "cell.toml"
+    path.write_text('extends = "gantry"\n[mechanism.gantry]\njoints = ["y", "x"]\n')
+    with pytest.raises(ConfigError, match=r"gantry.joints: value y, x: the chain begins with x, y"):
+        load_cell(path)
+    path.write_text('extends = "ur5e"\n[mechanism.gantry]\njoints = ["pan"]\n')
     with pytest.raises(ConfigError, match=r"gantry.joints: pan is revolute, prismatic is expected"):
-        Arm.of(turning)
+        load_cell(path)
+
+
+def test_rails_are_the_first_of_the_chain_whatever_the_order_of_the_drives(tmp_path, cell):
+    text = cell.path.read_text()
+    head, *drives = text.split("[[mechanism.drives]]")
+    swapped = [head, drives[1], drives[0], *drives[2:]]
+    path = tmp_path / "cell.toml"
+    path.write_text("[[mechanism.drives]]".join(swapped))
+    names = [drive.joint for drive in load_cell(path).config.mechanism.drives]
+    assert names[:3] == ["x", "y", "z"]
 
 
 @pytest.mark.parametrize(
@@ -105,6 +118,17 @@ def test_driven_on_at_the_rails_end_it_stops_there_and_the_tool_stays(cell):
     assert 1.3 < rail.max() <= 1.49 + 1e-4  # its limit less the drive's margin
     assert np.linalg.norm(tool - tool[0], axis=1).max() < 0.01
     assert result.summary["limit_violations"] == 0
+
+
+def test_driven_on_past_its_arms_reach_it_stops_and_nothing_else_of_the_gantry_goes(cell):
+    steps = [{"at_s": 0.2, "cmd/drive": {"rates": [0.4, 0.0]}}]
+    result = Simulation(cell, Script.model_validate({"duration_s": 4.5, "step": steps})).run()
+    rails = np.array([truth.q[:3] for truth in result.truths])
+    tool = np.array([truth.pose_mrf[:3] for truth in result.truths])
+    assert np.ptp(rails[:, 0]) > 0.9
+    assert np.ptp(rails[-50:, 0]) < 1e-3
+    assert np.abs(rails[:, 1:] - rails[0, 1:]).max() < 1e-3
+    assert np.linalg.norm(tool - tool[0], axis=1).max() < 0.02
 
 
 def test_led_far_along_the_tool_does_not_overshoot_and_stays_while_the_rails_go_below():
