@@ -391,6 +391,23 @@ def _news(config: CellConfig) -> Iterator[str]:
             )
 
 
+def _rails(mechanism: MechanismSection, robot: Robot) -> Iterator[str]:
+    """Rails of a gantry come first in the chain, and slide."""
+    if mechanism.gantry is None:
+        return
+    asked = mechanism.gantry.joints
+    chain = robot.joints[: len(asked)]
+    first = tuple(joint.name for joint in chain)
+    if asked != first:
+        yield (
+            f"mechanism.gantry.joints: value {', '.join(asked)}: the chain begins with "
+            f"{', '.join(first)}"
+        )
+    for joint in chain:
+        if joint.name in asked and joint.kind != "prismatic":
+            yield (f"mechanism.gantry.joints: {joint.name} is {joint.kind}, prismatic is expected")
+
+
 # --- Needs of the sources in the cell's other sections --------------------------------------------
 
 
@@ -448,6 +465,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
     yield from priority_disagreements(config, robot)
     yield from rover_disagreements(config, robot)
+    yield from _rails(config.mechanism, robot)
     if config.rig is not None:
         n = len(robot.joints)
         given = ("stiffness", "damping", "integral", "armature", "friction", "brake_torque")

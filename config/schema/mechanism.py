@@ -615,15 +615,9 @@ class MechanismSection(Section):
         return mrf
 
     @model_validator(mode="after")
-    def _rails_come_first(self) -> "MechanismSection":
+    def _one_kind_of_body(self) -> "MechanismSection":
         if self.gantry is not None and (self.base is not None or self.backbone is not None):
             raise ValueError("gantry: an arm that rolls, or follows a curve, has none")
-        rails = () if self.gantry is None else self.gantry.joints
-        first = tuple(drive.joint for drive in self.drives[: len(rails)])
-        if first != rails:
-            raise ValueError(
-                f"gantry.joints: {', '.join(rails)}: the first drives are {', '.join(first)}"
-            )
         return self
 
     @property
