@@ -1,4 +1,4 @@
-"""A fault is explained by a touch just before it, and by its cause; by nothing else."""
+"""A fault is explained by a touch just before it that nobody felt, and by its cause."""
 
 from types import SimpleNamespace
 
@@ -12,12 +12,17 @@ def error(name, time_s, cause):
     return Event(id=1, tick=1, time_s=time_s, name=name, severity="error", values=values)
 
 
-def watched(forces, *events):
-    """Return the touches of a run with these forces [N] at these times [s], and its errors."""
+def watched(forces, *events, feels=(False,)):
+    """Return the touches of a run with these forces [N] at these times [s], and its errors.
+
+    `feels` tells of each arm of the cell whether it feels contact.
+    """
     now, pressed = SimpleNamespace(time_s=0.0), SimpleNamespace(force=0.0)
     contacts = SimpleNamespace(greatest=lambda: pressed.force)
     world = SimpleNamespace(contacts=contacts)
-    run = SimpleNamespace(rig=SimpleNamespace(world=world), clock=now, events=list(events))
+    arms = [SimpleNamespace(config=SimpleNamespace(touch=touch or None)) for touch in feels]
+    rig, cell = SimpleNamespace(world=world), SimpleNamespace(parts=arms)
+    run = SimpleNamespace(cell=cell, rig=rig, clock=now, events=list(events))
     touches = Touches(run)
     for now.time_s, pressed.force in forces.items():
         run.on_physics(run)
@@ -48,3 +53,12 @@ def test_a_brush_holds_no_joint_up():
     touches = watched({2.0: 4.0}, error("fault", 2.1, "following_error"))
     assert not touches.felt
     assert len(touches.unexplained()) == 1
+
+
+@pytest.mark.parametrize(
+    ("feels", "explained"), [((True,), False), ((True, True), False), ((True, False), True)]
+)
+def test_where_contact_is_felt_no_touch_explains_a_fault(feels, explained):
+    touches = watched({2.0: 300.0}, error("fault", 2.1, "following_error"), feels=feels)
+    assert touches.felt
+    assert (touches.unexplained() == []) is explained

@@ -104,12 +104,13 @@ def _shown(camera: CameraSection, seen: Pose) -> bool:
 # --- What arms run into, step by step of the physics, and which faults that explains --------------
 #
 # A joint that meets something nobody told of, faster than the leash can stop it, falls behind
-# its command: a quick stop by the table of stops. Any other cause of a fault, and any fault
-# that no touch goes before, has another reason, whatever was touched earlier in the run.
+# its command: in a cell without `[touch]` a quick stop by the table of stops. Where contact is
+# felt, the arm stops and gives way instead. Any other cause of a fault, and any fault that no touch
+# goes before, has another reason, whatever was touched earlier in the run.
 FELT_N: Final = 5.0  # contact force from which a touch can hold a joint up [N]
 SINCE_S: Final = 0.5  # a fault so long after a touch is explained by it [s]
 EXCUSED: Final = ("following_error",)
-"""Causes of faults that a touch explains: the command and a joint come apart."""
+"""Causes of faults that a touch explains where no contact is felt: command and joint come apart."""
 
 
 class Touches:
@@ -118,6 +119,7 @@ class Touches:
     def __init__(self, simulation: Simulation) -> None:
         self.most_n = 0.0  # greatest force on what stands around, or between parts of arms [N]
         self._simulation = simulation
+        self._blind = not all(part.config.touch for part in simulation.cell.parts)
         self._times: list[float] = []
         simulation.on_physics = self._look
 
@@ -127,8 +129,11 @@ class Touches:
         return bool(self._times)
 
     def explain(self, event: Event) -> bool:
-        """Return whether an event is a fault that a touch just before it explains."""
-        if event.name != "fault" or event.values.get("cause") not in EXCUSED:
+        """Return whether an event is a fault that a touch just before it explains.
+
+        None is in a cell whose arms all feel contact (`[touch]`).
+        """
+        if event.name != "fault" or event.values.get("cause") not in EXCUSED or not self._blind:
             return False
         return any(0.0 <= event.time_s - at_s <= SINCE_S for at_s in self._times)
 
@@ -152,8 +157,8 @@ class Touches:
 #
 # They hold every lever at once, ask for what cannot be, change gains and frames while the arm
 # moves, fall silent and come back, and sensors fail beside them. No bound may be broken on the
-# bus, and no fault may come but by what the arm ran into. The cell is taken as its file says it
-# is.
+# bus, and no fault may come but by what the arm ran into, and only in a cell without `[touch]`.
+# The cell is taken as its file says it is.
 @dataclass(frozen=True)
 class Soaked:
     """The run of one seed; plain values."""
