@@ -41,7 +41,11 @@ def test_nothing_that_they_do_is_forged_and_nothing_of_the_hardware_fails(name):
             assert fault is None or fault["kind"] in ("cover", "move", "silence")
 
 
-@pytest.mark.parametrize(("name", "seed"), [("ur5e_scene", 4), ("pa10_all", 2)])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    # The last runs into something beside the tool at full speed: e2 is thrown on by 75 mrad.
+    [("ur5e_scene", 4), ("pa10_all", 2), ("pa10_platform", 5)],
+)
 def test_a_wild_run_ends_without_a_fault_that_nothing_touched_explains(name, seed):
     """`make campaign ARGS="--only wild"` tries more."""
     run = play_in(name, seed)
