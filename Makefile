@@ -20,7 +20,7 @@ JOBS ?= 2
 QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help venv page demo test test-all durations mutants vcan check bench bench-peers campaign docs format clean
+.PHONY: help venv page demo test test-all durations mutants vcan check bench bench-peers campaign papers docs format clean
 
 help: ## Show these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -109,6 +109,9 @@ $(PEERS_STAMP): pyproject.toml constraints.txt constraints-peers.txt
 
 campaign: venv ## Behaviour at scale: random scripts, scenes and faults; ARGS="--only peg --seeds 0:20"
 	@$(BIN)/python -m laboratory.campaign --jobs $(JOBS) $(ARGS)
+
+papers: venv ## Every table and figure of the five papers, computed again; ARGS="--only figure_5"
+	@$(BIN)/python -m laboratory.papers --jobs $(JOBS) $(ARGS)
 
 docs: $(DOCS_STAMP) ## Build the site from the pages beside the code; a broken link is an error
 	@NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict --config-file docs/mkdocs.yml

@@ -1,1 +1,1 @@
-"""The laboratory: campaign, judge, benchmarks and equipment of the pages. No wheel holds it."""
+"""The laboratory: campaign, judge, benchmarks, papers and equipment of the pages. No wheel holds it."""

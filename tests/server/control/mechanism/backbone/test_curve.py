@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from laboratory.papers.maze import ENTRANCE, MAZE, S1, SPACE, X, Y
 from telerobot.server.control.backbone.curve import Modal, bessel, bow_parameter
 from telerobot.server.control.backbone.tunnels import Arcs, Turn, off_centre
 from telerobot.server.control.spatial import Pose
-
-from .snakes import ENTRANCE, MAZE, S1, SPACE, X, Y
 
 STATIONS = np.linspace(0.0, 1.0, 61)
 

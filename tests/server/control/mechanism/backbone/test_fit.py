@@ -2,9 +2,17 @@
 
 import numpy as np
 import pytest
+from laboratory.papers.maze import (
+    MAZE,
+    S1,
+    SPACE,
+    alternating,
+    descended,
+    planar,
+    planar_points,
+    universal,
+)
 from telerobot.server.control.backbone.tunnels import off_centre
-
-from .snakes import MAZE, S1, SPACE, alternating, planar, universal
 
 KINDS = [(planar, MAZE), (alternating, SPACE), (universal, SPACE)]
 
@@ -122,40 +130,6 @@ def test_planar_joints_follow_the_last_of_the_paper_s_figure_5(n, off, off_link)
 def test_planar_joints_follow_all_of_the_paper_s_figure_5(n, off, off_link):
     found = np.array([accuracy(n, s1) for s1 in S1])
     assert (found.max(axis=0) <= (off, off_link)).all()
-
-
-def planar_points(q):
-    """Points of chains (k, n) of length 1, by sums of sines (eqs. 26 and 27), and Jacobians."""
-    angle = np.cumsum(q, axis=1)
-    links = np.stack((-np.sin(angle), np.cos(angle)), axis=2) / q.shape[1]
-    points = np.cumsum(links, axis=1)
-    begins = np.concatenate((np.zeros((len(q), 1, 2)), points[:, :-1]), axis=1)
-    ways = points[:, :, None] - begins[:, None]
-    turned = np.stack((-ways[..., 1], ways[..., 0]), axis=2)
-    return points, turned * np.tri(q.shape[1])[None, :, None]
-
-
-def descended(q, goal, weights, steps):
-    """Joints (k, n) of locally least weighted sums of squares: Levenberg and Marquardt's method."""
-    k, n = q.shape
-    damping = np.full(k, 1e-3)
-
-    def residuals(q):
-        points, J = planar_points(q)
-        root = np.sqrt(weights)[:, None]
-        return ((points - goal) * root).reshape(k, -1), (J * root[..., None]).reshape(k, 2 * n, n)
-
-    r, J = residuals(q)
-    for _ in range(steps):
-        JT = J.transpose(0, 2, 1)
-        H = JT @ J + damping[:, None, None] * np.eye(n) * 1e-2
-        tried = q - np.linalg.solve(H, JT @ r[..., None])[..., 0]
-        r_tried, J_tried = residuals(tried)
-        better = (r_tried**2).sum(axis=1) < (r**2).sum(axis=1)
-        q = np.where(better[:, None], tried, q)
-        r, J = np.where(better[:, None], r_tried, r), np.where(better[:, None, None], J_tried, J)
-        damping = np.where(better, 0.2 * damping, 10.0 * damping).clip(1e-12, 1e6)
-    return q, (r**2).sum(axis=1)
 
 
 def test_what_ten_joints_leave_on_the_way_is_the_least_sum_s_own():

@@ -1,0 +1,8 @@
+"""`python -m laboratory.papers`, which `make papers` runs."""
+
+import sys
+
+from .cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,10 @@
+"""The papers, in the order of the page, and all their exhibits by name."""
+
+from .chirikjian import CHIRIKJIAN
+from .exhibit import Exhibit, Paper
+
+PAPERS: tuple[Paper, ...] = (CHIRIKJIAN,)
+
+EXHIBITS: dict[str, Exhibit] = {
+    name: exhibit for paper in PAPERS for name, exhibit in paper.exhibits.items()
+}
