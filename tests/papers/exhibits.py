@@ -2,8 +2,9 @@
 
 from .chirikjian import CHIRIKJIAN
 from .exhibit import Exhibit, Paper
+from .scott import SCOTT
 
-PAPERS: tuple[Paper, ...] = (CHIRIKJIAN,)
+PAPERS: tuple[Paper, ...] = (SCOTT, CHIRIKJIAN)
 
 EXHIBITS: dict[str, Exhibit] = {
     name: exhibit for paper in PAPERS for name, exhibit in paper.exhibits.items()

@@ -19,6 +19,7 @@ BOUND: Final[dict[str, Any]] = {"color": "black", "lw": 0.9, "ls": (0, (4, 3))}
 BODY: Final = "#d9dde1"
 """Fill of obstacles and walls."""
 RC: Final[Any] = {
+    "axes.axisbelow": True,
     "axes.edgecolor": "#5f6b76",
     "axes.grid": True,
     "axes.labelsize": 9,

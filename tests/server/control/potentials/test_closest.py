@@ -1,9 +1,8 @@
 """The points of lines that are closest to links, and the jump that they make."""
 
 import numpy as np
+from laboratory.papers.around import acting, lines
 from telerobot.server.control.mechanism.potentials import closest
-
-from .around import acting, lines
 
 
 def test_closest_points_are_those_of_a_dense_search():

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from laboratory.papers.around import acting, points
 from telerobot.server.control.mechanism.potentials import by_charge, direction, push
-
-from .around import acting, points
 
 
 class Pairs(NamedTuple):

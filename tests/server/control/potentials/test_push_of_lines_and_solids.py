@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from .around import acting, boxes, lines, points, rounds
+from laboratory.papers.around import acting, boxes, lines, points, rounds
 
 LEAST = 0.02
 

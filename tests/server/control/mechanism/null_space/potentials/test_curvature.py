@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from laboratory.papers import planar
+from laboratory.papers.around import acting, points
+from laboratory.papers.search import search
 from telerobot.server.control.mechanism.potentials import curvature, weighed
-
-from ....potentials import planar
-from ....potentials.around import acting, points
-from ....potentials.search import search
 
 
 def test_table_ii_of_the_paper_to_its_four_digits():
