@@ -16,11 +16,20 @@ from ..protocols.messages.messages import JoystickTwist
 from .commands.commands import Commands
 from .control.arm import Arm
 from .control.barriers.clearance import Gap
+from .control.inputs import (
+    Inputs,
+    Intent,
+    ObjectiveGains,
+    PathGoal,
+    Pursuit,
+    StickCommand,
+    TwistRoute,
+    TwistSegment,
+    ViewGoal,
+)
 from .control.joints import Joints
-from .control.mechanism.redundancy import ObjectiveGains
 from .control.spatial import Array
-from .control.state import Inputs, Intent, Memory
-from .control.task.source import PathGoal, Pursuit, StickCommand, TwistRoute, TwistSegment, ViewGoal
+from .control.state import Memory
 from .control.tick import Control
 from .mode import Mode
 from .operators.admission import Admission, Grants, Instant

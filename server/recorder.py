@@ -24,7 +24,8 @@ import numpy as np
 from mcap.writer import Writer
 from numpy.lib.stride_tricks import as_strided
 
-from .control.state import Inputs, Memory, Output, Settings
+from .control.inputs import Inputs, Settings
+from .control.state import Memory, Output
 from .control.stop.trajectory import PositionPlanner, Profile
 from .events import Events
 from .mode import Mode

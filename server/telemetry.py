@@ -17,9 +17,9 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE, TICK
+from .control.inputs import Payload
 from .control.mechanism.field import FieldReading
 from .control.mechanism.redundancy import Near
-from .control.mechanism.wrench import Payload
 from .control.spatial import Array
 from .control.state import Output
 from .control.task.position import Progress

@@ -16,11 +16,20 @@ from ...protocols.messages import perception as moving
 from ...protocols.messages.messages import Drive, Frame, Insert, PathRequest
 from ...protocols.topics import TOPICS, Flow
 from ..control.backbone.fit import Chain
-from ..control.bodies.body import STILL, DriveRequest
+from ..control.inputs import (
+    STILL,
+    DriveRequest,
+    Goal,
+    Inputs,
+    Intent,
+    PathGoal,
+    Pursuit,
+    Settings,
+    StickCommand,
+)
 from ..control.scene import GROUNDS, FrameTree, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist
-from ..control.state import Inputs, Intent, Output, Settings
-from ..control.task.source import Goal, PathGoal, Pursuit, StickCommand
+from ..control.state import Output
 from ..reflection import Reflector
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds

@@ -9,9 +9,9 @@ from ...config.schema.section import PoseSection
 from ...config.schema.surroundings import FramesSection
 from ...protocols.messages.messages import Attitude, Frame, PathMotion, Place
 from ...protocols.messages.perception import FrameRequest
+from ..control.inputs import PathGoal, Route, TwistRoute, TwistSegment
 from ..control.scene import Body, FrameTree, Mount, Moved, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy, wrench_to
-from ..control.task.source import PathGoal, Route, TwistRoute, TwistSegment
 from ..refusals import Refused, Why
 
 # --- Goals from commanded targets and paths: waypoints placed in World, twists in its axes --------

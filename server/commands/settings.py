@@ -11,10 +11,8 @@ from ...config.schema.cell import CellConfig
 from ...config.schema.null_space import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
 from ...protocols.messages.messages import RedundancyRequest
-from ..control.mechanism.redundancy import ObjectiveGains
-from ..control.mechanism.wrench import Payload
+from ..control.inputs import ObjectiveGains, Payload, Settings
 from ..control.spatial import Array, Pose
-from ..control.state import Settings
 from ..refusals import Refused, Why
 from ..stability.judgement import WRENCH_SOURCES, LoopBounds, Verdict
 from ..stability.loops import GainVector

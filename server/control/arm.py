@@ -35,19 +35,20 @@ from .bodies.gantry import GantryArm
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
+from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings
 from .mechanism.field import Field, advance_offset, on_path
 from .mechanism.joint_rates import FOLDING, JointMotion, at_posture
-from .mechanism.model import Dynamics, Kinematics, Mechanism
-from .mechanism.redundancy import Near, ObjectiveGains, Redundancy
+from .mechanism.model import Dynamics, Mechanism
+from .mechanism.redundancy import Near, Redundancy
 from .mechanism.resolution import resolve
 from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules, Placed
-from .spatial import Array, Motion, Pose, sizes, wrench_to
-from .state import Inputs, Intent, Memory, Output, Settings
+from .spatial import Array, Kinematics, Motion, Pose, sizes, wrench_to
+from .state import Memory, Output
 from .stop.limiter import Limited
 from .stop.profile import Stop
-from .task.source import NO_TWIST, Asked, Context, Granted, Pursuit
+from .task.source import NO_TWIST, Context, Granted
 from .task.sources import joint_share
 from .task.task import Quantities, Task, TaskMemory
 
@@ -170,32 +171,12 @@ def context_of(
     was at start [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of the
     newest and of the mean readings.
     """
-    settings, moving, moved = inputs.settings, inputs.intent is Intent.MOVE, inputs.moved
-    mrf, led = settings.T_wrist_mrf, inputs.T_wrist_goal
-    asked = Asked(
-        T_wrist_mrf=mrf,
-        T_world_crf=settings.T_world_crf,
-        redefined=settings.redefined,
-        ground=inputs.ground,
-        speed_factor=settings.speed_factor,
-        stick=inputs.stick,
-        goal=inputs.goal if moving and inputs.posture is None else None,
-        T_wrist_goal=mrf if led is None else led,
-        paused=inputs.paused,
-        view=inputs.view,
-        wrench_desired=inputs.wrench_desired,
-        R_world_wrench=inputs.R_world_wrench,
-    )
+    moved = inputs.moved
     return Context(
-        asked=asked,
-        moving=moving,
-        guided=moving and inputs.posture is None and inputs.jog is None,
-        holding=inputs.intent is Intent.HOLD,
-        T_world_wrist=k.T_world_wrist,
-        T_world_mrf=k.T_world_mrf,
+        inputs=inputs,
+        k=k,
         twist=k.J.dot(dq),
         lever=lever,
-        moved=moved,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
         wrench=wrench,
@@ -204,7 +185,6 @@ def context_of(
         load=told.load,
         precedence=0.0 if near is None else near.alpha,
         off_path=off_path,
-        untold=settings.untold,
     )
 
 
@@ -526,7 +506,7 @@ class Arm:
         led = inputs.posture is not None or inputs.jog is not None
         if fold is None or led or inputs.intent is not Intent.MOVE:
             return IDLE
-        z = fold.rates(q, k.J, self.joint_motion, inputs.settings.speed_factor)
+        z = self.joint_motion.folding(fold, q, k.J, inputs.settings.speed_factor)
         rates = self.redundancy.whole(q, k.J, objectives, {FOLDING: z})
         return Whole(rates, {name: k.J @ rates[name] for name in rates}, k.J @ z)
 

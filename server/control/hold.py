@@ -8,7 +8,7 @@ import numpy as np
 
 from ...config.schema.surroundings import AvoidanceSection
 from .compiled import NUMBER, VECTOR, compiled
-from .mechanism.redundancy import ObjectiveGains
+from .inputs import ObjectiveGains, Pushed
 from .proximity.capsules import Capsules, Placed
 from .scene import Flags
 from .spatial import Array, Pose, pose_error, sizes
@@ -21,31 +21,6 @@ RELEASE = 0.7
 
 NEW = 0.5
 """Contact that the sensor sees came with the touch where more than this part of it is new [1]."""
-
-
-class Pushed(NamedTuple):
-    """Unseen contact as the watch over the drives' torques estimates it (n,) [N·m]."""
-
-    external: Array
-    """Torques that nothing explains."""
-    excused: Array
-    """The part of that which may be friction and inertia."""
-    bound: Array
-    """Bound beyond that which means contact."""
-    touched: bool = False
-    """The arm was stopped for it, and is to give way."""
-    lasting: bool = False
-    """It has not been released since."""
-    free: Array | None = None
-    """`external` before it was touched; None where that is not known."""
-    wrench: Array | None = None
-    """Wrench on the tool by the force/torque sensor (6,), at the MRF in World axes [N, N·m]."""
-    steady: Array | None = None
-    """The mean of that over the last ticks: the arm's own jerks are not in it."""
-    free_wrench: Array | None = None
-    """The same before it was touched; None where that is not known."""
-    tool_bound: float | None = None
-    """Change of that force that means contact of the tool [N]; None: the tool was not touched."""
 
 
 def released(pushed: Pushed) -> bool:

@@ -11,9 +11,9 @@ from ...config.schema.mechanism import TorqueSection, TouchSection
 from ...config.schema.null_space import PotentialFieldSection, RedundancySection
 from ...config.schema.sources import ScheduleSection, SourcesSection
 from ...config.schema.surroundings import AvoidanceSection
+from .inputs import Payload
 from .joints import Joints
 from .mechanism.redundancy import Priority
-from .mechanism.wrench import Payload
 from .proximity.capsules import Capsules
 from .scene import Flags
 from .spatial import Array, Pose

@@ -300,6 +300,16 @@ def _move_near(
         _move(R_near, p_near, away, R_moved, p_moved)
 
 
+class Kinematics(NamedTuple):
+    """Where the chain is at one posture; all in World."""
+
+    T_world_wrist: Pose
+    T_world_mrf: Pose
+    J: Array
+    """Jacobian (6, n) of the MRF: joint rates to `[v; ω]` at its origin, World axes, as seen from
+    Base; of a Base that rolls, as seen from World."""
+
+
 # --- Position, velocity and acceleration of several degrees of freedom ----------------------------
 
 

@@ -22,10 +22,11 @@ from ...config.load import Cell
 from .arm import Arm, ArmMeasurement, DesiredRates
 from .barriers.barriers import Allowed, Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
+from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined
 from .spatial import Array, Motion
-from .state import Inputs, Intent, Memory, Output
+from .state import Memory, Output
 from .stop.limiter import Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
 

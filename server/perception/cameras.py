@@ -10,12 +10,12 @@ from ...config.load import Cell
 from ...config.schema.sources import VisionSection
 from ...config.schema.surroundings import CameraSection
 from ...protocols.messages.perception import Sighting
+from ..control.inputs import ViewGoal
 from ..control.mechanism.model import Mechanism
 from ..control.proximity.capsules import Capsules
 from ..control.proximity.distance import measured
 from ..control.scene import Mount, Scene
 from ..control.spatial import Array, Pose, pose_error, sizes
-from ..control.task.source import ViewGoal
 from ..events import Events
 from ..refusals import Refused, Why
 from .filters import KnownTarget, PictureRejection, SightingBounds, judge

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...config.schema.mechanism import TouchSection
 from ..control.arm import Arm
-from ..control.hold import LOOKBACK_S, Pushed, released, tool_released
+from ..control.hold import LOOKBACK_S, released, tool_released
+from ..control.inputs import Pushed
 from ..control.mechanism.model import Mechanism, dynamics_of
 from ..control.parameters import Parameters
 from ..control.scene import Moved

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..control.compiled import evolve
-from ..control.hold import Pushed
+from ..control.inputs import Pushed
 from ..control.mechanism.model import Dynamics
 from ..control.scene import Body
 from ..control.spatial import (

@@ -6,7 +6,7 @@ from ...config.load import Cell
 from ...protocols.messages.perception import ContourNews
 from ..commands.commands import Commands
 from ..control.arm import Arm
-from ..control.mechanism.wrench import Payload
+from ..control.inputs import Payload
 from ..control.spatial import Pose
 from ..control.state import Memory, Output
 from ..events import Events

@@ -12,7 +12,7 @@ from ...config.schema.mechanism import ForceTorqueSection
 from ...config.schema.sources import FollowingSection
 from ...drivers.device import Cause
 from ..commands.settings import OperatorSettings
-from ..control.mechanism.wrench import Payload
+from ..control.inputs import Payload
 from ..control.spatial import GRAVITY, Array, Pose, cross, rotation_log, sizes
 from ..control.state import Output
 from ..control.task.task import GAIN_TIME_S

@@ -10,8 +10,8 @@ import numpy as np
 from ...config.consistency import REQUIRED_POSTURES
 from ...config.load import Cell
 from ...config.schema.sources import SourceSection
+from ..control.inputs import Payload
 from ..control.mechanism.model import Dynamics, Mechanism
-from ..control.mechanism.wrench import Payload
 from ..control.parameters import Parameters
 from ..control.spatial import Array, Pose
 from .loops import (

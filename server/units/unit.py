@@ -10,12 +10,11 @@ from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
-from ..control.bodies.body import STILL
 from ..control.compiled import evolve
-from ..control.mechanism.joint_rates import NOTHING, Fold, JointFeedforward
+from ..control.inputs import NOTHING, STILL, Fold, Inputs, Intent, JointFeedforward
 from ..control.scene import Moved
 from ..control.spatial import Array, Pose
-from ..control.state import Inputs, Intent, Memory, Output
+from ..control.state import Memory, Output
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage

@@ -22,12 +22,12 @@ from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.compiled import evolve
 from ..control.grasps.held import GraspStatus
+from ..control.inputs import Inputs, Intent, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
 from ..control.spatial import GRAVITY, Array, Pose
-from ..control.state import Inputs, Intent, Output
+from ..control.state import Output
 from ..control.stop.profile import ramps_in_proportion
-from ..control.task.source import ViewGoal
 from ..control.tick import Control
 from ..events import Events
 from ..mode import Mode

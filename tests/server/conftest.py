@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, load_cell, shipped
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import Inputs, Intent, Settings, StickCommand
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Pose
-from telerobot.server.control.state import Inputs, Intent, Output, Settings
-from telerobot.server.control.task.source import StickCommand
+from telerobot.server.control.state import Output
 from telerobot.server.control.tick import Control
 
 SOURCES = ("joystick", "position", "vision", "force")

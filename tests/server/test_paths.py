@@ -12,9 +12,9 @@ from telerobot.protocols.messages.messages import (
 )
 from telerobot.protocols.messages.perception import FrameRequest
 from telerobot.server.commands.commands import Commands
+from telerobot.server.control.inputs import Pursuit, Route, TwistRoute
 from telerobot.server.control.scene import Mount
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.task.source import Pursuit, Route, TwistRoute
 from telerobot.server.refusals import Refused, Why
 
 ENVELOPE = {"seen_tick": 1}

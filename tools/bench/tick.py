@@ -15,11 +15,17 @@ import numpy as np
 
 from ...config.load import Cell, joint_part
 from ...server.control.compiled import evolve
+from ...server.control.inputs import (
+    Inputs,
+    Intent,
+    ObjectiveGains,
+    PathGoal,
+    Settings,
+    StickCommand,
+    ViewGoal,
+)
 from ...server.control.mechanism.model import Mechanism
-from ...server.control.mechanism.redundancy import ObjectiveGains
 from ...server.control.spatial import Array, Pose
-from ...server.control.state import Inputs, Intent, Settings
-from ...server.control.task.source import PathGoal, StickCommand, ViewGoal
 from ...server.control.tick import Control
 from ...server.events import Events
 from ...server.perception.obstacle_map import ObstacleMap

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...config.errors import printable
 from ...config.load import Cell
-from ...server.control.bodies.body import STILL
+from ...server.control.inputs import STILL, Inputs
 from ...server.control.spatial import Array
-from ...server.control.state import Inputs, Memory, Output
+from ...server.control.state import Memory, Output
 from ...server.control.tick import Control
 from ...server.recorder import (
     MEMORY,

@@ -5,10 +5,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..compiled import VECTOR, compiled
+from ..inputs import Payload
 from ..joints import Joints
-from ..mechanism.model import Dynamics, Kinematics
-from ..mechanism.wrench import Payload
-from ..spatial import GRAVITY, Array, Motion, Pose
+from ..mechanism.model import Dynamics
+from ..spatial import GRAVITY, Array, Kinematics, Motion, Pose
 from ..stop.limiter import TOLERANCE
 from .torque import TorqueLaw, Torques, TorqueState
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ....config.schema.mechanism import TorqueSection
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
-from ..mechanism.model import Dynamics, Kinematics
-from ..spatial import Array, Motion, Pose, jacobian_at, pose_error, wrench_to
+from ..mechanism.model import Dynamics
+from ..spatial import Array, Kinematics, Motion, Pose, jacobian_at, pose_error, wrench_to
 from .believed import (
     NOTHING_LEFT_OUT,
     Believed,

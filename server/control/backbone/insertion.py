@@ -11,7 +11,6 @@ from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ..bodies.body import (
     Builder,
-    DriveRequest,
     Environment,
     Following,
     Insertion,
@@ -19,12 +18,13 @@ from ..bodies.body import (
     RateRequest,
     SerialArm,
 )
+from ..inputs import DriveRequest
 from ..mechanism.field import Field
-from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..scene import Flags
-from ..spatial import Array
+from ..spatial import Array, Kinematics
 from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
 from .curve import Curve, curve_of

@@ -21,11 +21,10 @@ from ..compiled import (
     compiled,
 )
 from ..joints import joined, parts_of
-from ..mechanism.model import Kinematics
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
-from ..spatial import Array, Motion, Pose
+from ..spatial import Array, Kinematics, Motion, Pose
 from .rows import Braking, Resistance, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------

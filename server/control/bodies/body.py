@@ -11,35 +11,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
+from ..inputs import STILL, DriveRequest, ObjectiveGains, Payload
 from ..mechanism.field import Field, FieldReading, shifted
-from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
-from ..mechanism.redundancy import Near, ObjectiveGains, Redundancy, SelfMotion
+from ..mechanism.redundancy import Near, Redundancy, SelfMotion
 from ..mechanism.resolution import Resolved, Travel, resolve
-from ..mechanism.wrench import Payload
 from ..parameters import Parameters
 from ..proximity.capsules import Placed
 from ..scene import Scene
-from ..spatial import Array, Pose, jacobian_at, twist_at
+from ..spatial import Array, Kinematics, Pose, jacobian_at, twist_at
 from ..stop.limiter import StopConstraint
 
 # --- What a body is asked for, and what it answers ------------------------------------------------
-
-
-class DriveRequest(NamedTuple):
-    """How the operator drives the arm as a whole: into its tunnels, or on its wheels."""
-
-    speed: float = 0.0
-    """Of the insertion [m/s]; at most, where it is to a depth. Of a base, ahead."""
-    depth: float | None = None
-    """The tip's way from the entrance to go to [m]; None: at the speed."""
-    turn: float = 0.0
-    """Of a base [rad/s]."""
-    back_only: bool = False
-    """Something in the tunnel pushes the arm: it may withdraw, and do nothing else."""
-
-
-STILL = DriveRequest()
 
 
 class Following(NamedTuple):

@@ -10,12 +10,13 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.mechanism import GantrySection
+from ..inputs import DriveRequest
 from ..mechanism.field import Field
-from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
-from ..spatial import Array
-from .body import Builder, DriveRequest, Environment, JointRates, RateRequest
+from ..spatial import Array, Kinematics
+from .body import Builder, Environment, JointRates, RateRequest
 from .wheels import STANDING, DrivenArm
 
 

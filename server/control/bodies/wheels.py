@@ -15,15 +15,15 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.mechanism import DifferentialBaseSection
+from ..inputs import DriveRequest
 from ..mechanism.field import Field, shifted
-from ..mechanism.model import Kinematics, Mechanism
+from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
-from ..spatial import Array, sizes, twist_at
+from ..spatial import Array, Kinematics, sizes, twist_at
 from ..wheels import DifferentialDrive
 from .body import (
     Builder,
-    DriveRequest,
     Environment,
     JointRates,
     RateRequest,

@@ -12,6 +12,7 @@ from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve, inner_kern
 from ..grasps.held import GraspState, Weighed
 from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..grasps.views import FOLLOW_TIME_S, TOLD, apart, follow, mean_of
+from ..inputs import Inputs, Intent
 from ..mechanism.model import Dynamics
 from ..mechanism.wrench import WristMemory
 from ..scene import Flags
@@ -27,7 +28,7 @@ from ..spatial import (
     twist_at,
     wrench_to,
 )
-from ..state import Inputs, Intent, Memory
+from ..state import Memory
 from ..task.sources import ForceState, bleed, desired_wrench
 
 # --- Speed of a payload, bounded by the internal force that a fault would leave -------------------

@@ -15,13 +15,13 @@ from ..bodies.body import Environment
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
-from ..mechanism.model import Kinematics, at_mrf
-from ..mechanism.redundancy import ObjectiveGains
+from ..inputs import Inputs, Intent, ObjectiveGains
+from ..mechanism.model import at_mrf
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Forest
 from ..scene import Index
-from ..spatial import Array, Pose, rotate_twist
-from ..state import Inputs, Intent, Memory, Output
+from ..spatial import Array, Kinematics, Pose, rotate_twist
+from ..state import Memory, Output
 from ..stop.limiter import Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted

@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.null_space import PotentialFieldSection
+from ..inputs import ObjectiveGains
 from ..joints import Joints
 from ..proximity.capsules import Capsules, Placed
 from ..scene import Scene
-from ..spatial import Array, Pose
-from .model import Kinematics
+from ..spatial import Array, Kinematics, Pose
 from .potentials import FieldFlow, FieldView, Potential, Strengths, shape
-from .redundancy import ObjectiveGains
 
 GIVE_WAY_GAIN = 4.0
 """How quickly the virtual link follows the field [1/s]."""

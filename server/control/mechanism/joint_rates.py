@@ -5,10 +5,11 @@ The rates z of joints that fold are both a source's, J z, and a redundancy objec
 """
 
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
+from ..inputs import Fold
 from ..spatial import Array
 
 GAIN = 4.0
@@ -44,6 +45,18 @@ class JointMotion:
         fastest = np.minimum(self._approach(size), speed_factor * self._velocity)
         return np.asarray(error * min(GAIN, float((fastest / size).min())))
 
+    def folding(self, fold: Fold, q: Array, J: Array, factor: float) -> Array:
+        """Return joint rates (n,) from q (n,) to a posture that the arm folds to, in proportion.
+
+        J (6, n) is the tool's, `factor` the reduced-speed setting.
+        """
+        goal = np.where(np.isnan(fold.posture), q, fold.posture)
+        dq = self.rates(q, None, goal, factor)
+        if dq is None:
+            return np.zeros(len(q))
+        v = float(np.linalg.norm(J[:3] @ dq))
+        return dq * min(1.0, factor * fold.speed / max(v, 1e-12))
+
 
 def at_posture(q: Array, posture: Array) -> bool:
     """Return whether joints at q (n,) have reached a posture (n,)."""
@@ -52,35 +65,3 @@ def at_posture(q: Array, posture: Array) -> bool:
 
 FOLDING: Final = "reflex"
 """Name of what folds an arm, among the sources and the objectives."""
-
-
-class Fold(NamedTuple):
-    """A posture that the arm folds to."""
-
-    posture: Array
-    """(n,) [rad]; NaN for joints that it does not concern."""
-    speed: float
-    """The tool goes at most so quickly [m/s]."""
-
-    def rates(self, q: Array, J: Array, joint_motion: JointMotion, factor: float) -> Array:
-        """Return joint rates (n,) from q (n,) to the posture, in proportion.
-
-        J (6, n) is the tool's, `factor` the reduced-speed setting.
-        """
-        goal = np.where(np.isnan(self.posture), q, self.posture)
-        dq = joint_motion.rates(q, None, goal, factor)
-        if dq is None:
-            return np.zeros(len(q))
-        v = float(np.linalg.norm(J[:3] @ dq))
-        return dq * min(1.0, factor * self.speed / max(v, 1e-12))
-
-
-class JointFeedforward(NamedTuple):
-    """Requests to the joints in one tick."""
-
-    fold: Fold | None = None
-    sweep: tuple[int, float] | None = None
-    """A joint that sweeps, and its rate [rad/s]."""
-
-
-NOTHING: Final = JointFeedforward()

@@ -9,7 +9,7 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
-from ..spatial import GRAVITY, Array, Pose
+from ..spatial import GRAVITY, Array, Kinematics, Pose
 from ..wheels import DifferentialDrive
 
 # --- A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio ------------------
@@ -18,16 +18,6 @@ _POSTURES = 12
 """So many are tried to find the axes that a chain reaches [1]."""
 _REACHED = 1e-6
 """An axis is reached where its singular value is above this part of the greatest [1]."""
-
-
-class Kinematics(NamedTuple):
-    """Where the chain is at one posture; all in World."""
-
-    T_world_wrist: Pose
-    T_world_mrf: Pose
-    J: Array
-    """Jacobian (6, n) of the MRF: joint rates to `[v; ω]` at its origin, World axes, as seen from
-    Base; of a Base that rolls, as seen from World."""
 
 
 class Mechanism:

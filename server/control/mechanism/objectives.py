@@ -10,12 +10,12 @@ import numpy as np
 
 from ....config.schema.null_space import RedundancySection
 from ..compiled import MATRIX, ROW, VECTOR, compiled
+from ..inputs import Payload
 from ..joints import Joints
 from ..spatial import Array
 from .model import Dynamics
 from .potentials import manipulability_slope, slope_of
 from .svd import svd
-from .wrench import Payload
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
 """Rates of the objectives that look at obstacles, where none does."""

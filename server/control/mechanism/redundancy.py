@@ -9,6 +9,7 @@ import numpy as np
 from ....config.load import Cell
 from ....config.schema.null_space import PrioritySection, RedundancySection
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
+from ..inputs import ObjectiveGains
 from ..joints import Joints
 from ..proximity.pairs import ControlPointDistances, ControlPoints
 from ..scene import Scene
@@ -23,14 +24,6 @@ from .objectives import KINDS, View
 
 _NONE: Final = 1e-12
 """Keeps a bound or a motion of nothing from dividing by zero [rad/s]."""
-
-
-class ObjectiveGains(NamedTuple):
-    """Gains of the redundancy objectives, and the posture that one of them pulls to."""
-
-    gains: dict[str, float]
-    posture: Array
-    """Joint angles (n,) that the posture objective pulls to [rad]."""
 
 
 class SelfMotion(NamedTuple):

@@ -1,12 +1,12 @@
 """Contact wrench at the MRF, from a wrist sensor whose payload is taken off, weight and inertia."""
 
 import math
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
+from ..inputs import Payload
 from ..scene import Moved
 from ..spatial import GRAVITY, Array, Pose, wrench_to
 
@@ -287,16 +287,6 @@ def _see(
 
 
 # --- Payload on the force/torque sensor -----------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Payload:
-    """Load outboard of the sensor."""
-
-    mass: float
-    """Mass [kg]."""
-    com: Array
-    """Centre of mass in the Sensor frame (3,) [m]."""
 
 
 # --- Contact wrench of one wrist's sensor, with the load in effect taken off ----------------------

@@ -79,13 +79,14 @@ class Following(Source[FollowingState]):
         strength = min(1.0, float(gain.max()))
         if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
             return NO_TWIST, _IDLE
-        T_world_mrf, felt = context.T_world_mrf, None
+        T_world_mrf, felt = context.k.T_world_mrf, None
         wrench_on_arm = None if context.hand is None else -context.hand
         if wrench_on_arm is not None:
             wrench_on_arm, felt = _calmed(
                 wrench_on_arm, T_world_mrf.R, state.felt, *self._shares(context.load)
             )
-        untold = NO_TWIST if context.untold is None else _turned(-context.untold, T_world_mrf.R.T)
+        untold = context.inputs.settings.untold
+        untold = NO_TWIST if untold is None else _turned(-untold, T_world_mrf.R.T)
         i, T = self._impedance, state.T_world_reference or T_world_mrf
         # What is switched off lets go of its reference as its gain fades.
         twist, step, asked = _led(
@@ -104,7 +105,7 @@ class Following(Source[FollowingState]):
         T = state.T_world_reference
         if T is not None:
             T = T @ (redefined.before.T_wrist_mrf.inverse() @ context.T_wrist_mrf)
-            T = moved_near(T, np.zeros(6), context.T_world_mrf, SLACK)
+            T = moved_near(T, np.zeros(6), context.k.T_world_mrf, SLACK)
         twist = slowed_at(state.twist, redefined.lever, self._most)
         return state._replace(T_world_reference=T, twist=twist)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ....config.schema.sources import PositionSection
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
+from ..inputs import Goal, Inputs, PathGoal, Pursuit, Route, TwistRoute
 from ..spatial import (
     Array,
     Motion,
@@ -21,20 +22,7 @@ from ..spatial import (
     twist_at,
 )
 from ..stop.trajectory import PositionPlanner, Profile, TrajectoryError, VelocityPlanner
-from .source import (
-    NO_TWIST,
-    Asked,
-    Context,
-    Goal,
-    Granted,
-    PathGoal,
-    Pursuit,
-    Redefined,
-    Route,
-    Shaping,
-    Source,
-    TwistRoute,
-)
+from .source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
 
 # --- Straight, jerk-limited paths to a pose: translation in a line, rotation by the geodesic ------
 
@@ -463,7 +451,7 @@ class Position(Source[PositionState]):
         `gain` (6,) is K_P [1/s], per axis of the CRF; an axis of gain zero is left to the other
         sources.
         """
-        return self._rate(context, state, gain, context.asked.T_world_crf.R)
+        return self._rate(context, state, gain, context.inputs.settings.T_world_crf.R)
 
     def advance(self, state: PositionState, granted: Granted) -> PositionState:
         """Return the state with the path moved on by what was granted of a period."""
@@ -471,7 +459,7 @@ class Position(Source[PositionState]):
 
     def carry(self, state: PositionState, context: Context, redefined: Redefined) -> PositionState:
         """Return the state with a steered reference told at the point of the tool led now."""
-        free, before, point = state.path, redefined.before.T_wrist_goal, context.asked.T_wrist_goal
+        free, before, point = state.path, redefined.before.T_wrist_goal, context.T_wrist_goal
         if not isinstance(free, Free) or not differ(point, before):
             return state
         pose = free.pose @ (before.inverse() @ point)
@@ -488,13 +476,13 @@ class Position(Source[PositionState]):
         twist: Array,
     ) -> Array | None:
         """Return what a goal on another ground, or K_P along other axes, takes off the rate."""
-        before, goal = redefined.before, context.asked.goal
+        before, goal = redefined.before, context.goal
         if redefined.grounded and context.carried is not None:
             if before.serial == (None if goal is None else goal.serial):
                 return None
             return twist_at(before.twists["position"], redefined.way) - twist
         axes = before.R_world_crf
-        if goal is None or np.array_equal(axes, context.asked.T_world_crf.R):
+        if goal is None or np.array_equal(axes, context.inputs.settings.T_world_crf.R):
             return None
         return self._rate(context, state, gain, axes)[0] - twist
 
@@ -502,15 +490,15 @@ class Position(Source[PositionState]):
         self, context: Context, state: PositionState, gain: Array, axes: Array
     ) -> tuple[Array, PositionState]:
         """Return the twist of the MRF and the next state; `axes` (3, 3) are the gains' in World."""
-        asked, goal, ground = context.asked, context.asked.goal, context.ground
+        goal, led, ground = context.goal, context.T_wrist_goal, context.ground
         if goal is None:
             return NO_TWIST, NO_GOAL
-        T, twist, lever = context.T_world_mrf, context.twist, None
+        T, twist, lever = context.k.T_world_mrf, context.twist, None
         if context.carried is not None:
             twist = twist - context.carried
-        if differ(asked.T_wrist_goal, asked.T_wrist_mrf):
-            T = context.T_world_wrist @ asked.T_wrist_goal
-            lever = T.p - context.T_world_mrf.p
+        if differ(led, context.T_wrist_mrf):
+            T = context.k.T_world_wrist @ led
+            lever = T.p - context.k.T_world_mrf.p
             twist = twist_at(twist, lever)
         if context.off_path is not None:
             T = Pose(T.R, T.p - context.off_path)  # without the virtual link: it is held there
@@ -518,7 +506,7 @@ class Position(Source[PositionState]):
             there = ground.T.R.T
             T, axes = ground.T.inverse() @ T, there @ axes
             twist = rotate_twist(there, twist)
-        rate, state = self._led(state, goal, T, twist, gain, axes, asked)
+        rate, state = self._led(state, goal, T, twist, gain, axes, context.inputs)
         rate = rate if ground is None else rotate_twist(ground.T.R, rate)
         return (rate if lever is None else twist_at(rate, -lever)), state
 
@@ -530,14 +518,14 @@ class Position(Source[PositionState]):
         twist_now: Array,
         gain: Array,
         R_axes: Array,
-        asked: Asked,
+        inputs: Inputs,
     ) -> tuple[Array, PositionState]:
         """Return the twist (6,) of the point at T that is led, all seen from the goal's ground.
 
         `twist_now` (6,) is its commanded twist: a new path starts from it.
         """
-        factor = asked.speed_factor
-        state, path = self._leader.lead(state, goal, T, twist_now, factor, asked.paused)
+        factor = inputs.settings.speed_factor
+        state, path = self._leader.lead(state, goal, T, twist_now, factor, inputs.paused)
         T_path, twist_path = path.now()
         if isinstance(path, Path):
             twist_path = state.pace * twist_path

@@ -2,125 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from ..scene import Body, Moved
-from ..spatial import Array, Pose
-
-# --- Goals of the position source. `serial` tells one goal from the next --------------------------
-#
-# `attempt` counts how often the same goal was taken up again from where the arm is.
-
-
-@dataclass(frozen=True)
-class PathGoal:
-    """A target pose of the MRF in World."""
-
-    T_world_target: Pose
-    serial: int
-    speed: float | None = None
-    """Path speed [m/s]; the cell's when None."""
-    attempt: int = 0
-
-
-@dataclass(frozen=True)
-class Route:
-    """Target poses one after the other; legs are straight."""
-
-    legs: tuple[PathGoal, ...]
-    serial: int
-    blend: float = 0.0
-    """The next leg begins within this distance of a waypoint [m]; 0: at rest on it."""
-    attempt: int = 0
-
-    @property
-    def T_world_target(self) -> Pose:
-        """Where it ends."""
-        return self.legs[-1].T_world_target
-
-
-@dataclass(frozen=True)
-class TwistSegment:
-    """A twist for a while."""
-
-    twist: Array
-    """(6,) [m/s, rad/s] in World axes, or in those of the reference itself."""
-    duration_s: float
-
-
-@dataclass(frozen=True)
-class TwistRoute:
-    """Twists one after the other, then rest."""
-
-    segments: tuple[TwistSegment, ...]
-    serial: int
-    moving_axes: bool = False
-    """True: the twists are in the axes of the moving reference; False: in World's."""
-    attempt: int = 0
-    T_world_target: None = None
-
-
-@dataclass(frozen=True)
-class Pursuit:
-    """A target pose that moves, such as a master's; None: come to rest, and stay there."""
-
-    T_world_target: Pose | None
-    serial: int
-    attempt: int = 0
-
-
-Goal = PathGoal | Route | TwistRoute | Pursuit
-
-
-# --- Requests of operators and devices to one task in one tick ------------------------------------
-
-
-@dataclass(frozen=True)
-class StickCommand:
-    """A stick twist u (6,) in the axes that `R_world_axes` (3, 3) maps to World."""
-
-    twist: Array
-    R_world_axes: Array
-
-
-@dataclass(frozen=True)
-class ViewGoal:
-    """Where something that moves with the Wrist is to be, so that the view is the desired one."""
-
-    T_wrist_point: Pose
-    """Pose in the Wrist of the thing that is to be moved: a carried Lens, or a carried target."""
-    T_world_goal: Pose
-    """Where that is to be, in World."""
-    R_world_lens: Array | None = None
-    """Axes (3, 3) of a Lens that stands in World; None: the moved point is the Lens."""
-
-
-class Asked(NamedTuple):
-    """The streams, goals and frames of one task."""
-
-    T_wrist_mrf: Pose
-    T_world_crf: Pose
-    redefined: int
-    """How often MRF or CRF were redefined."""
-    ground: str
-    """The frame that motion is relative to."""
-    speed_factor: float
-    stick: StickCommand | None
-    goal: Goal | None
-    """Where the position source leads to; None while a posture is gone to."""
-    T_wrist_goal: Pose
-    """The point of the tool that is led to the goal."""
-    paused: bool
-    """The path to the goal stands still; position control goes on."""
-    view: ViewGoal | None
-    wrench_desired: Array
-    """Wrench to exert, at the MRF (6,) [N, N·m]."""
-    R_world_wrench: Array | None
-    """Axes (3, 3) of that wrench; None: the MRF's."""
-
+from ..inputs import Goal, Inputs, Intent
+from ..scene import Body
+from ..spatial import Array, Kinematics, Pose
 
 # --- Protocol of sources: a state, and a twist of the MRF for what one tick shows it --------------
 #
@@ -150,22 +38,13 @@ class Shaping(NamedTuple):
 class Context(NamedTuple):
     """Inputs of the sources in one tick. Poses are in World, twists in World axes."""
 
-    asked: Asked
-    moving: bool
-    """The task may move the tool."""
-    guided: bool
-    """Nothing but the sources leads the arm: no posture, no jog."""
-    holding: bool
-    """The arm is in HOLD."""
-    T_world_wrist: Pose
-    T_world_mrf: Pose
-    """Where the command has the MRF."""
+    inputs: Inputs
+    k: Kinematics
+    """Where the command has the arm."""
     twist: Array
     """The MRF's commanded twist (6,), seen from Base."""
     lever: Array
     """From the MRF to where it was at start (3,) [m]: what is shaped there minds no new MRF."""
-    moved: Moved | None
-    """Base and Carrier in a cell where they may move."""
     ground: Body | None
     """The body that motion is relative to, where that may move; None: World."""
     carried: Array | None
@@ -182,15 +61,34 @@ class Context(NamedTuple):
     """Part that avoidance takes of following, 0 to 1 [1]."""
     off_path: Array | None
     """Where the virtual link has the tool off its path (3,) [m]."""
-    untold: Array | None = None
-    """Part of `hand` that is nobody's, if that reads no more: in World axes (6,); None: none."""
     folding: Array | None = None
     """Twist (6,) of the MRF of an arm that folds as a whole; None for one that does not."""
 
     @property
+    def moving(self) -> bool:
+        """The task may move the tool."""
+        return self.inputs.intent is Intent.MOVE
+
+    @property
+    def guided(self) -> bool:
+        """Nothing but the sources leads the arm: no posture, no jog."""
+        return self.moving and self.inputs.posture is None and self.inputs.jog is None
+
+    @property
+    def goal(self) -> Goal | None:
+        """Where the position source leads to; None while a posture is gone to."""
+        return self.inputs.goal if self.moving and self.inputs.posture is None else None
+
+    @property
     def T_wrist_mrf(self) -> Pose:
         """The MRF of now."""
-        return self.asked.T_wrist_mrf
+        return self.inputs.settings.T_wrist_mrf
+
+    @property
+    def T_wrist_goal(self) -> Pose:
+        """The point of the tool that is led to the goal."""
+        led = self.inputs.T_wrist_goal
+        return self.T_wrist_mrf if led is None else led
 
 
 class About(NamedTuple):

@@ -14,9 +14,10 @@ from ....config.schema.sources import (
     VisionSection,
 )
 from ..compiled import FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled
+from ..inputs import Intent, ViewGoal
 from ..spatial import Array, Motion, Pose, motion_at, pose_error, rotate_twist, twist_at, wrench_to
 from ..stop.trajectory import VelocityPlanner
-from .source import NO_TWIST, Context, Redefined, Shaping, Source, ViewGoal
+from .source import NO_TWIST, Context, Redefined, Shaping, Source
 
 # --- The operator's stick: rates, scaled by K_HC (Williams 1997, section 2.2) ---------------------
 #
@@ -60,7 +61,7 @@ class Joystick(Source[JoystickState]):
         self, context: Context, state: JoystickState, gain: Array
     ) -> tuple[Array, JoystickState]:
         """Return the shaped twist; `gain` (6,) applies in the stick's own axes [1]."""
-        stick, target = context.asked.stick, NO_TWIST
+        stick, target = context.inputs.stick, NO_TWIST
         if not context.moving:
             stick, state = None, _RELEASED
         if stick is not None:
@@ -178,11 +179,12 @@ class Force(Source[ForceState]):
 
     def rate(self, context: Context, state: ForceState, gain: Array) -> tuple[Array, ForceState]:
         """Return K_F (desired − wrench); `gain` (6,) is K_F [m/s/N, rad/s/(N·m)], MRF axes."""
-        if not (context.moving or context.holding):
+        if not (context.moving or context.inputs.intent is Intent.HOLD):
             return NO_TWIST, _FREE
         if context.moving and not context.guided:
             return self._beside_joints(context, gain), _FREE
-        twist = accommodation(context.wrench, desired_at_mrf(context), gain, context.T_world_mrf.R)
+        R = context.k.T_world_mrf.R
+        twist = accommodation(context.wrench, desired_at_mrf(context), gain, R)
         return (twist, _FREE) if context.moving else self._bled(context, state, twist)
 
     def jump(
@@ -193,21 +195,21 @@ class Force(Source[ForceState]):
             return None
         before = redefined.before.T_wrist_mrf
         desired = wrench_to(before.inverse() @ context.T_wrist_mrf, desired_at_mrf(context))
-        R_world_before = context.T_world_wrist.R @ before.R
+        R_world_before = context.k.T_world_wrist.R @ before.R
         was = accommodation(context.wrench_at(before), desired, gain, R_world_before)
         return twist_at(was, redefined.lever) - twist
 
     def _beside_joints(self, context: Context, gain: Array) -> Array:
         """Return the twist (6,) beside a jog or a posture: contact is given way to."""
         none = np.zeros(6)
-        asked = accommodation(context.wrench, none, gain, context.T_world_mrf.R)
+        asked = accommodation(context.wrench, none, gain, context.k.T_world_mrf.R)
         twist = relief(context.wrench, asked, self._threshold)
         return NO_TWIST if twist is None else twist
 
     def _bled(self, context: Context, state: ForceState, twist: Array) -> tuple[Array, ForceState]:
         """Return the twist of accommodation as far as it bleeds off contact in HOLD."""
-        at = context.T_world_wrist.p
-        base = None if context.moved is None else context.moved.base.T
+        at = context.k.T_world_wrist.p
+        base = None if context.inputs.moved is None else context.inputs.moved.base.T
         if base is not None:
             at = base.R.T @ (at - base.p)
         hold = state.hold if state.hold is not None else at
@@ -218,8 +220,8 @@ class Force(Source[ForceState]):
 
 def desired_at_mrf(context: Context) -> Array:
     """Return the wrench to exert (6,), at the MRF and in its axes."""
-    asked = context.asked
-    return desired_wrench(asked.wrench_desired, asked.R_world_wrench, context.T_world_mrf.R)
+    inputs = context.inputs
+    return desired_wrench(inputs.wrench_desired, inputs.R_world_wrench, context.k.T_world_mrf.R)
 
 
 def desired_wrench(wrench: Array, R_world_wrench: Array | None, R_world_mrf: Array) -> Array:
@@ -334,9 +336,10 @@ class Spring(Source[SpringState]):
 
     def _pull(self, context: Context, gain: Array) -> Array:
         """Return the twist (6,) of the MRF that is asked for, before shaping."""
-        body = None if context.moved is None else context.moved.body(self._relative_to)
+        moved = context.inputs.moved
+        body = None if moved is None else moved.body(self._relative_to)
         frame = _WORLD if body is None else body.T
-        R, mrf, factor = frame.R, context.T_world_mrf, context.asked.speed_factor
+        R, mrf, factor = frame.R, context.k.T_world_mrf, context.inputs.settings.speed_factor
         turn = np.zeros(3)
         if self._axis is not None:
             turn = _arc(R.T @ (mrf.R @ self._axis), self._direction)
@@ -475,7 +478,7 @@ class PointAt(Source[PointAtState]):
 
     def _turn(self, context: Context, gain: Array) -> Array:
         """Return the rate (3,) that is asked for, before shaping."""
-        mrf, moved, point = context.T_world_mrf, context.moved, self._point
+        mrf, moved, point = context.k.T_world_mrf, context.inputs.moved, self._point
         going, ground = context.twist[:3], np.zeros(3)
         body = None if moved is None else moved.body(self._relative_to)
         if body is not None:
@@ -484,7 +487,7 @@ class PointAt(Source[PointAtState]):
             going = going - moved.carries(self._relative_to, point)[:3]
         if context.carried is not None:
             ground = context.carried[3:]
-        most = context.asked.speed_factor * self._most
+        most = context.inputs.settings.speed_factor * self._most
         return _sighted(mrf.R @ self._axis, point - mrf.p, going, ground, gain, self._nearest, most)
 
 
@@ -569,12 +572,12 @@ class Vision(Source[VisionState]):
         always the same point of the tool. Without a goal, or with a new one, the rate changes
         within the acceleration and jerk bounds.
         """
-        goal = context.asked.view if context.guided else None
+        goal = context.inputs.view if context.guided else None
         target = NO_TWIST
         if goal is not None and np.count_nonzero(gain):
-            p_world_tool = context.T_world_mrf.p + context.lever
-            factor = context.asked.speed_factor
-            target = self._asked(goal, context.T_world_wrist, p_world_tool, gain, factor)
+            p_world_tool = context.k.T_world_mrf.p + context.lever
+            factor = context.inputs.settings.speed_factor
+            target = self._asked(goal, context.k.T_world_wrist, p_world_tool, gain, factor)
         if not context.moving:
             state = _NO_VIEW
         shaped = self._planner.shape(state.motion, target, self._period_s)

@@ -274,14 +274,14 @@ class Task:
             else:
                 twists[name], states[name] = source.rate(context, before[name], gain)
         frames, feedforward = NO_TWIST, NOT_LED
-        asked = context.asked
+        settings, goal = context.inputs.settings, context.goal
         about = About(
-            asked.T_wrist_mrf,
-            asked.T_wrist_goal,
-            None if asked.goal is None else asked.goal.serial,
-            asked.ground,
-            asked.T_world_crf.R,
-            asked.redefined,
+            settings.T_wrist_mrf,
+            context.T_wrist_goal,
+            None if goal is None else goal.serial,
+            context.inputs.ground,
+            settings.T_world_crf.R,
+            settings.redefined,
             twists,
         )
         if context.guided:
@@ -323,9 +323,9 @@ class Task:
         twists: Mapping[str, Array],
     ) -> Array:
         """Return what the sum was more before a redefinition (6,)."""
-        jump, before = np.zeros(6), redefined.before
-        if redefined.grounded and context.moved is not None and context.carried is not None:
-            jump += context.moved.carries(before.ground, context.T_world_mrf.p) - context.carried
+        jump, before, moved = np.zeros(6), redefined.before, context.inputs.moved
+        if redefined.grounded and moved is not None and context.carried is not None:
+            jump += moved.carries(before.ground, context.k.T_world_mrf.p) - context.carried
         for name, source in self._sources.items():
             if name in gains:
                 more = source.jump(context, redefined, states[name], gains[name], twists[name])
@@ -338,11 +338,11 @@ def _redefined(before: About | None, context: Context) -> Redefined | None:
     """Return the frames of now and before where they differ, else None."""
     if before is None:
         return None
-    asked = context.asked
-    other = differ(before.T_wrist_mrf, asked.T_wrist_mrf)
-    grounded = before.ground != asked.ground
-    jumps = other or grounded or before.redefined != asked.redefined
-    if not (jumps or differ(before.T_wrist_goal, asked.T_wrist_goal)):
+    settings = context.inputs.settings
+    other = differ(before.T_wrist_mrf, settings.T_wrist_mrf)
+    grounded = before.ground != context.inputs.ground
+    jumps = other or grounded or before.redefined != settings.redefined
+    if not (jumps or differ(before.T_wrist_goal, context.T_wrist_goal)):
         return None
-    way = context.T_world_wrist.R @ (asked.T_wrist_mrf.p - before.T_wrist_mrf.p)
+    way = context.k.T_world_wrist.R @ (settings.T_wrist_mrf.p - before.T_wrist_mrf.p)
     return Redefined(before, way if other else None, way, grounded, jumps)

@@ -15,9 +15,9 @@ from telerobot.config.schema.surroundings import (
 )
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.barriers.clearance import CollisionConstraint
+from telerobot.server.control.inputs import StickCommand
 from telerobot.server.control.scene import Body, Moved, Scene
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import pinocchio as pin
 import pytest
-from telerobot.server.control.state import Intent, Payload
+from telerobot.server.control.inputs import Intent, Payload
 
 DELAY = 2
 """Periods from a command to the wrench that it causes."""

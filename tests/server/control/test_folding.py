@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.joint_rates import Fold, JointFeedforward
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains
+from telerobot.server.control.inputs import Fold, JointFeedforward, ObjectiveGains
 
 from ..conftest import Arm, Run
 

@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.null_space import OBJECTIVES
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains
+from telerobot.server.control.inputs import (
+    Intent,
+    ObjectiveGains,
+    PathGoal,
+    Pursuit,
+    Route,
+    TwistRoute,
+    TwistSegment,
+)
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.state import Intent
-from telerobot.server.control.task.source import PathGoal, Pursuit, Route, TwistRoute, TwistSegment
 
 SECONDS = 12.0
 

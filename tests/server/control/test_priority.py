@@ -6,10 +6,10 @@ import math
 import numpy as np
 from telerobot.config.load import altered, load_cell
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.state import Settings
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap

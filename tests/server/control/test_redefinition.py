@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.scene import Body, Moved
-from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
-from telerobot.server.control.task.source import (
+from telerobot.server.control.inputs import (
     PathGoal,
     Pursuit,
     Route,
@@ -12,6 +10,8 @@ from telerobot.server.control.task.source import (
     TwistSegment,
     ViewGoal,
 )
+from telerobot.server.control.scene import Body, Moved
+from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 
 ONCE, OFTEN = [60], list(range(60, 140, 3))
 TICKS = 180

@@ -7,8 +7,7 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.rig.physics.world import World
 from telerobot.server.commands.commands import Commands
-from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.source import StickCommand
+from telerobot.server.control.inputs import Inputs, Intent, StickCommand
 from telerobot.server.control.tick import Control
 
 T = 0.01

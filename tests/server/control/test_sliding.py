@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema.surroundings import ObstacleSection
+from telerobot.server.control.inputs import PathGoal
 from telerobot.server.control.spatial import Pose, rotation_log
-from telerobot.server.control.task.source import PathGoal
 
 from .test_clearance import BALL, TABLE, Kept
 

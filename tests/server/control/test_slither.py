@@ -5,11 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.bodies.body import STILL, DriveRequest
+from telerobot.server.control.inputs import (
+    STILL,
+    DriveRequest,
+    Inputs,
+    Intent,
+    PathGoal,
+    Settings,
+    StickCommand,
+    ViewGoal,
+)
 from telerobot.server.control.spatial import Pose, pose_error
-from telerobot.server.control.state import Inputs, Intent, Settings
 from telerobot.server.control.stop.trajectory import Stop
-from telerobot.server.control.task.source import PathGoal, StickCommand, ViewGoal
 from telerobot.server.control.tick import Control
 
 SETTINGS = Settings(

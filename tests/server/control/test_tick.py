@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from telerobot.config.schema.sources import SOURCES
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import Inputs, Intent, PathGoal, ViewGoal
 from telerobot.server.control.spatial import Pose, rotation_rpy
-from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.source import PathGoal, ViewGoal
 from telerobot.server.control.tick import Control
 
 FORWARD = (0.1, 0.0, 0.0, 0.0, 0.0, 0.0)

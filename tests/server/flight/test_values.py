@@ -6,11 +6,10 @@ import msgpack
 import numpy as np
 import pytest
 from telerobot.protocols.messages.messages import Frame
+from telerobot.server.control.inputs import Intent, PathGoal, Route
 from telerobot.server.control.scene import empty
 from telerobot.server.control.spatial import Motion, Pose
-from telerobot.server.control.state import Intent
 from telerobot.server.control.stop.trajectory import PositionPlanner
-from telerobot.server.control.task.source import PathGoal, Route
 from telerobot.server.recorder import RecordedValueError, pack, unpack
 
 POSE = Pose.from_xyz_rpy((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))

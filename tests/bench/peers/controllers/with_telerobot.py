@@ -3,9 +3,8 @@
 import numpy as np
 from telerobot.config.load import Cell, altered
 from telerobot.protocols.messages.perception import ObstacleNews
+from telerobot.server.control.inputs import Inputs, Intent, PathGoal
 from telerobot.server.control.spatial import Array, Pose
-from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.source import PathGoal
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap

@@ -6,7 +6,8 @@ from telerobot.config.load import ConfigError, altered, load_cell
 from telerobot.protocols.messages.messages import Drive
 from telerobot.server.commands.commands import drive_commands
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
+from telerobot.server.control.bodies.body import Environment, RateRequest
+from telerobot.server.control.inputs import DriveRequest
 from telerobot.server.control.spatial import Pose
 from telerobot.server.refusals import Refused
 from telerobot.server.telemetry import describe

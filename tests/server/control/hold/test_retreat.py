@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.hold import FASTEST, SLOWEST, STEP, Pushed, Retreat
+from telerobot.server.control.hold import FASTEST, SLOWEST, STEP, Retreat
+from telerobot.server.control.inputs import Pushed
 
 T = 0.01
 LEASH = 0.1

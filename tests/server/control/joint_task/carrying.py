@@ -11,9 +11,8 @@ from telerobot.config.load import HERE, load_cell
 from telerobot.drivers.rig.nodes.drive_loops import DriveLoops
 from telerobot.drivers.rig.physics.world import World
 from telerobot.server.commands.commands import Commands
+from telerobot.server.control.inputs import Inputs, Intent, StickCommand
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.state import Inputs, Intent
-from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.tick import Control
 
 T = 0.01

@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from telerobot.server.control.state import Intent
-from telerobot.server.control.task.source import PathGoal
+from telerobot.server.control.inputs import Intent, PathGoal
 
 from .carrying import Carrying, T, pair
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
+from telerobot.server.control.inputs import Intent
 from telerobot.server.control.joint_task.joint_task import HoldRefused, held_together, let_go
-from telerobot.server.control.state import Intent
 from telerobot.server.control.tick import Control
 
 from .carrying import Carrying, pair

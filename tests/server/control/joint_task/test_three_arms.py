@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.state import Intent
+from telerobot.server.control.inputs import Intent
 
 from .carrying import Carrying
 

@@ -1,38 +1,24 @@
 """What a test shows a source: a tick's context, of which it says what matters to it."""
 
 import numpy as np
-from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.source import Asked, Context, Granted, Shaping
+from telerobot.server.control.compiled import evolve
+from telerobot.server.control.inputs import Inputs, Intent, Settings
+from telerobot.server.control.spatial import Kinematics, Pose
+from telerobot.server.control.task.source import Context, Granted, Shaping
 
 T = 0.01
 A = np.array([2.0] * 3 + [6.0] * 3)
 J = np.array([40.0] * 3 + [120.0] * 3)
 SHAPING = Shaping(A, J, (0.5, 1.5), T)
 _HERE = Pose.identity()
-_ASKED = Asked(
-    T_wrist_mrf=_HERE,
-    T_world_crf=_HERE,
-    redefined=0,
-    ground="world",
-    speed_factor=1.0,
-    stick=None,
-    goal=None,
-    T_wrist_goal=_HERE,
-    paused=False,
-    view=None,
-    wrench_desired=np.zeros(6),
-    R_world_wrench=None,
-)
+_SETTINGS = Settings({}, _HERE, _HERE, np.zeros(6))
+_INPUTS = Inputs(0.0, Intent.MOVE, np.zeros(7), _SETTINGS)
+_K = Kinematics(_HERE, _HERE, np.zeros((6, 7)))
 _CONTEXT = Context(
-    asked=_ASKED,
-    moving=True,
-    guided=True,
-    holding=False,
-    T_world_wrist=_HERE,
-    T_world_mrf=_HERE,
+    inputs=_INPUTS,
+    k=_K,
     twist=np.zeros(6),
     lever=np.zeros(3),
-    moved=None,
     ground=None,
     carried=None,
     wrench=None,
@@ -45,9 +31,15 @@ _CONTEXT = Context(
 
 
 def shown(**said):
-    """Return a context of an arm that moves; fields of `Asked` and of `Context` by their names."""
-    asked = {name: said.pop(name) for name in Asked._fields if name in said}
-    return _CONTEXT._replace(asked=_ASKED._replace(**asked), **said)
+    """Return a context of an arm that moves; fields of it and of its inputs by their names."""
+
+    def taken(record):
+        return {f: said.pop(f) for f in record.__dataclass_fields__ if f in said}
+
+    settings = evolve(_SETTINGS, **taken(_SETTINGS))
+    k = _K._replace(**{f: said.pop(f) for f in _K._fields if f in said})
+    inputs = evolve(_INPUTS, settings=settings, **taken(_INPUTS))
+    return _CONTEXT._replace(inputs=inputs, k=k, **said)
 
 
 def granted(share=1.0, pace=None, slid=False, twist=None, T_world_mrf=_HERE):

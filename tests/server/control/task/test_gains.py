@@ -5,9 +5,8 @@ import pytest
 from pydantic import ValidationError
 from telerobot.config.schema.sources import ScheduleSection
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import Intent, PathGoal
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.state import Intent
-from telerobot.server.control.task.source import PathGoal
 from telerobot.server.control.task.task import GAIN_TIME_S, Gains, Quantities
 from telerobot.server.control.tick import Control
 

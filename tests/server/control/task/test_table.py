@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.sources import SOURCES, SourcesSection
+from telerobot.server.control.inputs import Intent, PathGoal, StickCommand, ViewGoal
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.source import PathGoal, StickCommand, ViewGoal
 from telerobot.server.control.task.task import KINDS
 
 from .shown import SHAPING, granted, shown
@@ -41,7 +41,7 @@ def test_it_begins_idle_and_asks_for_nothing_where_there_is_nothing(source):
     assert not twist.any()
 
 
-@pytest.mark.parametrize("phase", [{"moving": False, "guided": False}])
+@pytest.mark.parametrize("phase", [{"intent": Intent.SEED}])
 def test_it_asks_for_nothing_while_the_arm_may_not_move(source, phase):
     _, state = source.rate(busy(), source.idle(), 0.5 * ALL)
     twist, _ = source.rate(busy(**phase), state, 0.5 * ALL)

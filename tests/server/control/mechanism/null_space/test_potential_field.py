@@ -8,15 +8,13 @@ from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.null_space import PotentialFieldSection, VirtualLinkSection
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import ObjectiveGains, PathGoal, Settings
 from telerobot.server.control.mechanism.field import Field
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import ahead, shape
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.state import Settings
-from telerobot.server.control.task.source import PathGoal
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap

@@ -3,10 +3,11 @@ import pytest
 from telerobot.config.load import altered
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import ObjectiveGains
 from telerobot.server.control.mechanism.model import Dynamics
 from telerobot.server.control.mechanism.objectives import View
 from telerobot.server.control.mechanism.potentials import manipulability_slope
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains, Redundancy
+from telerobot.server.control.mechanism.redundancy import Redundancy
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.tick import Control
 

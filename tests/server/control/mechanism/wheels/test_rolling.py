@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.body import DriveRequest, Environment, RateRequest
+from telerobot.server.control.bodies.body import Environment, RateRequest
+from telerobot.server.control.inputs import DriveRequest
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.wheels import DifferentialDrive, Rolled

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.sources import PositionSection
+from telerobot.server.control.inputs import PathGoal, Pursuit, Route, TwistRoute, TwistSegment
 from telerobot.server.control.spatial import Pose, pose_error, rotation_exp, rotation_log
 from telerobot.server.control.task.position import Position, PositionState
-from telerobot.server.control.task.source import PathGoal, Pursuit, Route, TwistRoute, TwistSegment
 
 from ..shown import SHAPING, A, T, shown
 from ..shown import granted as let_through

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.sources import ForceSection
+from telerobot.server.control.inputs import Intent
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.task.sources import Force, ForceState
 
@@ -57,7 +58,7 @@ def test_a_stale_sensor_asks_for_nothing_even_when_a_wrench_is_desired(force):
 
 
 def test_in_hold_hard_contact_is_bled_off_and_a_light_one_is_held(force):
-    held = {"moving": False, "guided": False, "holding": True}
+    held = {"intent": Intent.HOLD}
     assert not rate(force, wrench=WALL, **held).any()
     np.testing.assert_allclose(rate(force, wrench=HARD, **held), [-0.07, 0, 0, 0, 0, 0], atol=1e-15)
 
@@ -66,9 +67,7 @@ def test_what_bleeds_off_in_hold_goes_no_farther_than_the_leash(force):
     state, x = force.idle(), 0.0
     for _ in range(2000):
         at = Pose(np.eye(3), np.array([x, 0.0, 0.0]))
-        context = shown(
-            moving=False, guided=False, holding=True, wrench=HARD, T_world_wrist=at, T_world_mrf=at
-        )
+        context = shown(intent=Intent.HOLD, wrench=HARD, T_world_wrist=at, T_world_mrf=at)
         twist, state = force.rate(context, state, GAIN)
         assert state.bleeding
         x += SHAPING.period_s * twist[0]
@@ -76,7 +75,7 @@ def test_what_bleeds_off_in_hold_goes_no_farther_than_the_leash(force):
 
 
 def test_an_arm_that_is_neither_moved_nor_held_is_asked_for_nothing_and_forgets(force):
-    context = shown(moving=False, guided=False, wrench=HARD)
+    context = shown(intent=Intent.SEED, wrench=HARD)
     twist, state = force.rate(context, ForceState(np.ones(3), True), GAIN)
     assert not twist.any()
     assert state == ForceState()
@@ -84,7 +83,7 @@ def test_an_arm_that_is_neither_moved_nor_held_is_asked_for_nothing_and_forgets(
 
 def test_beside_commanded_joints_only_contact_is_given_way_to(force):
     """Noise and inertia move no joint; of more, what is beyond a third of the threshold."""
-    jogged = {"guided": False}
+    jogged = {"jog": np.zeros(7)}
     assert not rate(force, wrench=0.4 * WALL, wrench_desired=WALL, **jogged).any()
     beyond = HARD[0] - 0.3 * 30.0
     expected = [-7e-4 * beyond, 0, 0, 0, 0, 0]

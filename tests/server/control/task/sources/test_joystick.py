@@ -1,6 +1,6 @@
 import numpy as np
 from telerobot.config.schema.sources import JoystickSection
-from telerobot.server.control.task.source import StickCommand
+from telerobot.server.control.inputs import StickCommand
 from telerobot.server.control.task.sources import Joystick, JoystickState
 
 from ..shown import SHAPING, A, J, T, shown

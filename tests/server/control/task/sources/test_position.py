@@ -2,9 +2,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.schema.sources import PositionSection
+from telerobot.server.control.inputs import PathGoal
 from telerobot.server.control.spatial import Pose, rotate_twist, rotation_exp, rotation_log
 from telerobot.server.control.task.position import Position, PositionState
-from telerobot.server.control.task.source import PathGoal
 
 from ..shown import SHAPING, A, T, shown
 from ..shown import granted as let_through

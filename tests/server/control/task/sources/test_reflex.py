@@ -21,6 +21,6 @@ def test_it_asks_for_the_gains_share_of_the_twist_of_folding(gain: np.ndarray) -
 
 def test_it_asks_for_nothing_where_nothing_folds_or_the_joints_are_led() -> None:
     source = Reflex(ReflexSection(), SHAPING)
-    for context in (shown(), shown(folding=FOLDING, guided=False)):
+    for context in (shown(), shown(folding=FOLDING, jog=np.zeros(7))):
         twist, _ = source.rate(context, source.idle(), np.ones(6))
         assert not twist.any()

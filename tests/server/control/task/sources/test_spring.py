@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from telerobot.config.schema.sources import SpringSection
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.inputs import StickCommand
 from telerobot.server.control.scene import Body, Moved
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_rpy, twist_at
-from telerobot.server.control.task.source import StickCommand
 from telerobot.server.control.task.sources import Spring
 from telerobot.server.control.tick import Control
 

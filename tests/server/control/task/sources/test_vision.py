@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.config.schema.sources import VisionSection
+from telerobot.server.control.inputs import ViewGoal
 from telerobot.server.control.spatial import (
     Pose,
     pose_error,
@@ -9,7 +10,6 @@ from telerobot.server.control.spatial import (
     rotation_rpy,
     twist_at,
 )
-from telerobot.server.control.task.source import ViewGoal
 from telerobot.server.control.task.sources import Vision, VisionState
 
 from ..shown import SHAPING, A, J, T, shown

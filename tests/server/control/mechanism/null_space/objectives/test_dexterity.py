@@ -7,12 +7,12 @@ from telerobot.config.schema.null_space import (
     ObjectivesSection,
     RedundancySection,
 )
+from telerobot.server.control.inputs import ObjectiveGains
 from telerobot.server.control.mechanism.objectives import (
     AlongDirection,
     Condition,
     LeastSingularValue,
 )
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose
 
 from ....chains import CHAINS

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from telerobot.server.control.inputs import ObjectiveGains
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.objectives import GravityTorque
-from telerobot.server.control.mechanism.redundancy import ObjectiveGains
 from telerobot.server.control.spatial import Pose, rotation_rpy
 
 from ..shown import built, shown

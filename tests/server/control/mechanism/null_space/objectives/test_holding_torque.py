@@ -3,9 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from telerobot.server.control.inputs import Payload
 from telerobot.server.control.mechanism.model import Dynamics
 from telerobot.server.control.mechanism.objectives import HoldingTorque
-from telerobot.server.control.mechanism.wrench import Payload
 
 from ..shown import built, shown
 
