@@ -2,9 +2,10 @@
 
 from .chirikjian import CHIRIKJIAN
 from .exhibit import Exhibit, Paper
+from .hamaguchi import HAMAGUCHI
 from .scott import SCOTT
 
-PAPERS: tuple[Paper, ...] = (SCOTT, CHIRIKJIAN)
+PAPERS: tuple[Paper, ...] = (SCOTT, HAMAGUCHI, CHIRIKJIAN)
 
 EXHIBITS: dict[str, Exhibit] = {
     name: exhibit for paper in PAPERS for name, exhibit in paper.exhibits.items()

@@ -52,7 +52,7 @@ def applied() -> AbstractContextManager[None]:
 
 def above(figure: Figure, ax: Axes) -> None:
     """Place a panel's legend above all panels."""
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", ncols=6)
 
 
 def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, list[Axes]]:

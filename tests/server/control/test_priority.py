@@ -4,6 +4,7 @@ import itertools
 import math
 
 import numpy as np
+from laboratory.papers.hamaguchi import CASES
 from telerobot.config.load import altered, load_cell
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.inputs import Settings
@@ -16,13 +17,6 @@ from telerobot.server.perception.obstacle_map import ObstacleMap
 
 from ...conftest import shared
 from ..conftest import SOURCES, Arm, Run
-
-CASES = {
-    0: {"joints": (), "precedence": False},
-    1: {"joints": ("s1",), "precedence": False},
-    2: {"joints": ("s1", "s3"), "precedence": False},
-    3: {"joints": ("s1", "s3"), "precedence": True},
-}
 
 
 @shared
