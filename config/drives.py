@@ -141,6 +141,8 @@ def _drives(config: CellConfig, robot: Robot) -> dict[str, tuple[float, ...]]:
     payload = 0.0 if rig is None else rig.payload_mass
     named = [q for q in config.mechanism.postures.values() if len(q) == len(robot.joints)]
     moved = greatest_inertias(robot, config.mechanism.tip_link, named, payload)
+    if (base := config.mechanism.base) is not None:
+        moved[:2] += 0.5 * _mass(robot) * base.wheels.radius**2
     given = RigDriveSection() if rig is None else rig.drive
     n = len(moved)
     told = np.resize(np.array(given.armature), n) if given.armature else None
@@ -173,6 +175,12 @@ def greatest_inertias(
     order = [joint.name for joint in robot.joints]
     each = [_inertias(bodies, dict(zip(order, q, strict=True))) for q in (*postures, *drawn)]
     return np.array([max(one.get(name, 0.0) for one in each) for name in order])
+
+
+def _mass(robot: Robot) -> float:
+    """Return the mass of all links [kg]."""
+    links = ET.fromstring(robot.description()).findall("link")
+    return math.fsum(_inertial(link)[0] for link in links)
 
 
 def _bodies(root: ET.Element, tip_link: str, payload: float) -> list[_Body]:

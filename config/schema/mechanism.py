@@ -119,7 +119,9 @@ class BackboneSection(Section):
 class WheelsSection(Section):
     """The two driven wheels of a base: joints of the URDF that turn for ever."""
 
-    left: Name = Field(description="joint of the left wheel; it turns about the Base's y axis")
+    left: Name = Field(
+        description="joint of the left wheel; it turns about the Base's y axis, or against it"
+    )
     right: Name = Field(description="joint of the right wheel")
     radius: float = Field(gt=0.01, le=2, description="radius of either wheel [m]")
     track: float = Field(gt=0.05, le=5, description="between their points of contact [m]")
@@ -150,9 +152,10 @@ class DrivenSection(Section):
 
 
 class DifferentialBaseSection(DrivenSection):
-    """A base with two driven wheels on one axle; Base is on the floor, midway between them.
+    """A base with two driven wheels on one axle; Base is midway between them.
 
-    Its x axis points ahead, its z axis up. The wheels' drives are in CSV, whatever the arm's are.
+    Its x axis points ahead, its z axis up; it is on the floor, or as high above it as
+    `T_world_base` says. The wheels' drives are in CSV, whatever the arm's are.
     """
 
     kind: Literal["differential"] = Field(description="how the base moves")

@@ -39,6 +39,8 @@ CONTINUOUS_RANGE: Final = 2 * math.pi
 
 TURNS_FOR_EVER: Final = 1e9
 """Wheels have no position limits: no command gets here [rad]."""
+ALONG_AXLE: Final = 1.0 - 1e-5
+"""Part of a wheel's unit axis along Base's y axis, at least: files write 1.57 for a turn [1]."""
 LARGEST_FILE: Final = 1 << 24
 """A URDF of more bytes holds meshes, or is none [1]."""
 DEEPEST: Final = 32
@@ -62,6 +64,8 @@ class UrdfJoint:
     """Torque or force bound [N·m or N]."""
     kind: str = "revolute"
     """revolute, continuous or prismatic."""
+    reversed: bool = False
+    """The file's axis points the other way: a wheel that turns about -y of Base."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ class Robot:
 
         Numbers are written in one way; joints outside of the chain are fixed, at zero; meshes and
         all that is only looked at are left out, unless `looks`; inertias are those that the cell
-        has. With `root_link` the root is called so.
+        has; a wheel's positive sense drives ahead. With `root_link` the root is called so.
 
         Libraries give a continuous joint two coordinates; a drive has one.
         """
@@ -264,6 +268,11 @@ def _give_limits(element: ET.Element, joint: UrdfJoint) -> None:
         limit = ET.SubElement(element, "limit")
     if joint.kind == "continuous":
         element.set("type", "revolute")
+    if joint.reversed:
+        axis = element.find("axis")
+        axis = ET.SubElement(element, "axis") if axis is None else axis
+        turned = -floats(axis.get("xyz", "1 0 0"))
+        axis.set("xyz", " ".join(repr(float(x)) for x in turned))
     for key in _SAID:
         value, said = getattr(joint, key), limit.get(key)
         if said is None or float(said) != value:
@@ -343,12 +352,14 @@ def _bound(where: str, key: str, value: float, told: float | None) -> float:
 
 
 def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[float, ...]]:
-    """Return a joint of the root link or of links fixed to it, and its axis (3,) in the root link.
+    """Return a joint of the root link or of links held on it, and its axis (3,) in the root link.
 
-    `where` is file and key that name it. Raises `ConfigError`.
+    Held are links on fixed joints, on joints that carry the chain and are none of it, and on
+    prismatic ones, as suspensions are. `where` is file and key that name it. Raises `ConfigError`.
     """
-    root, urdf = read_tree(robot.urdf), robot.urdf
-    joints = root.findall("joint")
+    root, urdf = robot.tree(), robot.urdf
+    joints, chain = root.findall("joint"), {joint.name for joint in robot.joints}
+    carrying = carriers(root, robot.first_link)
     children = {_end(joint, "child", urdf) for joint in joints}
     turned = {link.get("name", ""): np.eye(3) for link in root.findall("link")
               if link.get("name") not in children}  # fmt: skip
@@ -357,12 +368,15 @@ def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[fl
     while waiting:
         link = waiting.pop()
         for joint in joints:
-            if _end(joint, "parent", urdf) == link and joint.get("type") == "fixed":
-                child = _end(joint, "child", urdf)
+            if _end(joint, "parent", urdf) != link:
+                continue
+            child, kind = _end(joint, "child", urdf), joint.get("type", "")
+            if kind != "fixed":
+                found[joint.get("name", "")] = joint
+            held = joint.get("name") not in chain and (child in carrying or kind == "prismatic")
+            if kind == "fixed" or held:
                 turned[child] = turned[link] @ origin_of(joint)[0]
                 waiting.append(child)
-            elif _end(joint, "parent", urdf) == link:
-                found[joint.get("name", "")] = joint
     if name not in found:
         raise ConfigError(
             f"{where}: value '{name}': no joint on the root link of {urdf}"
@@ -372,6 +386,7 @@ def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[fl
     axis = element.find("axis")
     along = floats("1 0 0" if axis is None else axis.get("xyz", ""))
     along = turned[_end(element, "parent", urdf)] @ origin_of(element)[0] @ along
+    along = along / max(float(np.linalg.norm(along)), 1e-12)
     return _joint(element, urdf, None), tuple(along.round(6).tolist())
 
 
@@ -448,9 +463,11 @@ def with_wheels(
         name = getattr(base.wheels, side)
         where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
         joint, axis = root_joint(where, robot, name)
-        if joint.kind != "continuous" or axis != (0.0, 1.0, 0.0):
+        if joint.kind != "continuous" or abs(axis[1]) < ALONG_AXLE:
             raise ConfigError(
-                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0 of Base"
+                f"{where}: value '{name}': must be of type continuous, about axis 0 1 0 of Base "
+                "or 0 -1 0"
             )
-        found.append(replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER))
+        joint = replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER)
+        found.append(replace(joint, reversed=axis[1] < 0.0))
     return beside_chain(config, robot, before=tuple(found))

@@ -138,6 +138,21 @@ def test_a_wheels_axis_is_judged_where_its_joint_is_turned_to(cell, tmp_path):
             turned(cell, tmp_path, rpy, axis)
 
 
+@pytest.mark.parametrize(
+    ("rpy", "axis"), [("0 0 0", "0 -1 0"), ("1.57 0 0", "0 0 1"), ("0 0 3.14159", "0 1 0")]
+)
+def test_a_wheel_that_turns_about_minus_y_drives_ahead_by_positive_angles(
+    cell, tmp_path, rpy, axis
+):
+    rover = turned(cell, tmp_path, rpy, axis)
+    model, _ = build_model(rover)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert data.joint("wheel_left").xaxis == pytest.approx([0.0, 1.0, 0.0], abs=1e-3)
+    tyre = data.geom("wheel_left_tyre").xmat.reshape(3, 3)
+    assert np.abs(tyre[:, 1]) == pytest.approx([0.0, 1.0, 0.0], abs=1e-3)
+
+
 def test_a_chassis_whose_shape_reaches_below_the_floor_stands_on_its_wheels(cell, tmp_path):
     """As a capsule around a flat one does: the floor would throw it up."""
     low = '<collision><origin xyz="0.1 0 0.2"/><geometry><sphere radius="0.3"/>'

@@ -337,20 +337,25 @@ def wheels(cell: Cell) -> Iterator[Finding]:
 
 
 def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
-    """Judge radius and track against the wheels' axles in the URDF; Base is on the floor."""
+    """Judge radius and track against the wheels' axles in the URDF, and Base midway between them.
+
+    Base is as high above the floor as `T_world_base` says.
+    """
     model, told = Forest(cell).branches[0].model, base.wheels
     left, right = (
         model.jointPlacements[model.getJointId(name)].translation
         for name in (told.left, told.right)
     )
-    track, radius = float(left[1] - right[1]), float(0.5 * (left[2] + right[2]))
-    off = max(abs(track / told.track - 1.0), abs(radius / told.radius - 1.0))
+    x, y, z = (0.5 * (left + right)).tolist()
+    track, radius = float(left[1] - right[1]), z + cell.config.mechanism.T_world_base.xyz[2]
+    beside = max(abs(x), abs(y)) / told.track
+    off = max(abs(track / told.track - 1.0), abs(radius / told.radius - 1.0), beside)
     return Finding(
         "base wheels",
         graded(off, NOTICE_OFF, MOST_OFF),
-        f"axles {track:g} m apart from right to left and {radius:g} m high in the URDF; track "
-        f"{told.track:g} and radius {told.radius:g} in the cell: {off:.1%} off, at most "
-        f"{MOST_OFF:.0%}",
+        f"axles {track:g} m apart from right to left and {radius:g} m high in the URDF, their "
+        f"middle at x {x:g}, y {y:g} m of Base; track {told.track:g} and radius {told.radius:g} "
+        f"in the cell: {off:.1%} off, at most {MOST_OFF:.0%}",
         {"urdf_track": track, "urdf_radius": radius, "off": off, "limit": MOST_OFF},
     )
 

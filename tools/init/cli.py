@@ -14,6 +14,7 @@ from ..checks.findings import Severity
 from ..checks.judge import judge
 from .make import Made, make
 from .robot import read_arms
+from .wheels import base_of
 
 
 def run(args: argparse.Namespace) -> int:
@@ -34,8 +35,9 @@ def run(args: argparse.Namespace) -> int:
         if not path.parent.is_dir():
             raise ConfigError(f"{path.parent}: no such folder")
     print(f"{args.urdf}: fitting capsules around its links …", flush=True)
-    arms = read_arms(args.urdf, args.tip, packages_of(args.package))
-    made = make(arms, out)
+    packages = packages_of(args.package)
+    arms = read_arms(args.urdf, args.tip, packages)
+    made = make(arms, out, base_of(arms, packages))
     out.write_text(made.cell, encoding="utf-8")
     beside.write_text(made.script, encoding="utf-8")
     bad = [f for f in judge(load_cell(out)) if f.status is Severity.ERROR]
@@ -69,6 +71,14 @@ def _report(made: Made) -> list[str]:
         if arm.fingers:
             lines += [f"{arm.name}: a gripper, no joints of the arm: {', '.join(arm.fingers)}"]
     told = {name for draft in made.drafts for name in draft.arm.fingers}
+    if (wheels := made.draft.wheels) is not None:
+        told |= {drive.joint for drive in wheels.drives}
+        lines += [
+            f"base: drives on {wheels.names}, radius {wheels.radius:g} m, track {wheels.track:g} m"
+        ]
+        lines += [f"joint {drive.joint}: {note}" for drive in wheels.drives for note in drive.notes]
+    if made.draft.base_held:
+        lines += [f"base: held: {made.draft.base_held}"]
     if held := [name for name in made.draft.arm.held if name not in told]:
         lines += [f"held at zero: {', '.join(held)}"]
     for i, draft in enumerate(made.drafts):

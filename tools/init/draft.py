@@ -78,11 +78,29 @@ class DriveDraft:
     lower: float | None = None
     upper: float | None = None
     notes: list[str] = field(default_factory=list)
+    rolls: bool = False  # it drives a wheel
 
     @property
     def jerk(self) -> float:
         """Conservative jerk: the acceleration is reached in a period [rad/s³]."""
         return min(100.0 * self.acceleration, 50_000.0)
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """The two driven wheels of a base; Base, the root link, is midway between them."""
+
+    radius: float  # [m]
+    track: float  # between their points of contact [m]
+    height: float  # of Base above the floor [m]
+    speed: float  # the greatest of the base straight on [m/s]
+    angular_speed: float  # the greatest about its axis, beside that [rad/s]
+    drives: tuple[DriveDraft, DriveDraft]  # left and right
+
+    @property
+    def names(self) -> str:
+        """Both joints."""
+        return " and ".join(drive.joint for drive in self.drives)
 
 
 @dataclass
@@ -117,12 +135,17 @@ class Draft:
     fits: list[Fit] = field(default_factory=list)  # capsules of its links, and of what stands
     passes: list[Array] = field(default_factory=list)  # postures that the script leads it through
     port: int = 43210
+    wheels: Wheels | None = None  # of a base that drives
+    base_held: str = ""  # why a base that moves is held
 
 
-def text_of(drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]] = ()) -> str:
+def text_of(
+    drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]] = (), *, rolls: bool = True
+) -> str:
     """Return the cell file: of one arm, or of several that one URDF holds.
 
-    `contacts` are links of several that overlap wherever the arms are.
+    `contacts` are links of several that overlap wherever the arms are. Without `rolls` a base that
+    drives stands where it begins, as its arm is planned.
     """
     first = drafts[0]
     arm, several = first.arm, len(drafts) > 1
@@ -146,13 +169,16 @@ def text_of(drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]] = ()) -
             f'channel = "239.74.163.{10 + i}"',
             f"port = {draft.port + i}",
         ]
+    if rolls and first.wheels is not None:
+        lines += ["", "# What the CRF is fixed to decides what a twist is relative to: on Base the"]
+        lines += ["# arm moves alone, in World the base follows.", "[frames]", 'crf_on = "base"']
     for draft in drafts:
-        lines += _mechanism(draft, drafts)
+        lines += _mechanism(draft, drafts, rolls=rolls)
     lines += _common(drafts, contacts)
     return "\n".join(lines) + "\n"
 
 
-def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
+def _mechanism(draft: Draft, drafts: Sequence[Draft], *, rolls: bool) -> list[str]:
     """Return the tables of one arm; those of the cell's only one are called otherwise."""
     arm, several = draft.arm, len(drafts) > 1
     table = "mechanisms" if several else "mechanism"
@@ -169,6 +195,10 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
         f"# {CONFIRM}: the link that the tool is bolted to.",
         f"tip_link = {quoted(arm.tip)}",
     ]
+    wheels = draft.wheels
+    if wheels is not None and wheels.height:
+        lines += ["# The root link is so high above the floor."]
+        lines += [f"T_world_base = {{ xyz = {numbers([0.0, 0.0, wheels.height], digits=5)} }}"]
     if arm.first_joint is not None:
         if arm.standing:
             lines += [f"# {CONFIRM}: these stand at zero: {plain(', '.join(arm.standing))}."]
@@ -183,8 +213,14 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
         f"# {CONFIRM}: the point that is moved, as seen from that link: here the ball of the rig.",
         f"T_wrist_mrf = {{ xyz = {numbers(draft.mrf)} }}",
     ]
-    if arm.held and draft is drafts[0]:
-        lines += ["# Held at zero, as no part of an arm: " + plain(", ".join(arm.held)) + "."]
+    drives = [] if wheels is None or not rolls else list(wheels.drives)
+    held = [name for name in arm.held if name not in {drive.joint for drive in drives}]
+    if held and draft is drafts[0]:
+        lines += ["# Held at zero, as no part of an arm: " + plain(", ".join(held)) + "."]
+    if draft.base_held:
+        lines += [f"# The base is held: {plain(draft.base_held)}."]
+    if wheels is not None and rolls:
+        lines += _base(wheels, table)
     lines += ["", f"[{table}.postures]"]
     lines += [f"# {CONFIRM}: nothing of the real cell is in the way. Found by a search: free of"]
     lines += ["# collision with the arm itself, and away from singularities and limits."]
@@ -214,14 +250,14 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
             f"# {CONFIRM}: a gripper on a digital output, its node and bit. By the URDF it has",
             f"# {plain(', '.join(arm.fingers))}. Delete the section where there is none.",
             f"[{table}.gripper]",
-            f"node = {len(draft.drives) + 1}",
+            f"node = {len(drives) + len(draft.drives) + 1}",
         ]
     lines += [
         "",
         f"# {CONFIRM} of every drive: node, direction, counts and zero, one joint at a time.",
         "# Speeds are half of the URDF's at most, accelerations by a third of the torque.",
     ]
-    for node, drive in enumerate(draft.drives, start=1):
+    for node, drive in enumerate((*drives, *draft.drives), start=1):
         lines += _drive(node, drive, table)
     place = f"{table}." if several else ""
     lines += [
@@ -236,6 +272,20 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
     if several:
         lines += ["", f"[{place}rig]", f"tool_radius = {number(_radius(draft))}"]
     return lines
+
+
+def _base(wheels: Wheels, table: str) -> list[str]:
+    left, right = (quoted(drive.joint) for drive in wheels.drives)
+    return [
+        "",
+        f"# {CONFIRM}: measure both: odometry is wrong by as much as they are.",
+        f"[{table}.base]",
+        'kind = "differential"',
+        f"wheels = {{ left = {left}, right = {right}, radius = {wheels.radius:g}, "
+        f"track = {wheels.track:g} }}",
+        f"speed = {bound(wheels.speed)}",
+        f"angular_speed = {bound(wheels.angular_speed)}",
+    ]
 
 
 def _is_root(link: ET.Element, root: ET.Element) -> bool:
@@ -263,7 +313,7 @@ def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
     unit, near = ("m", 0.005) if drive.prismatic else ("rad", 0.01)
     lines = ["", *(f"# {CONFIRM}: {note}" for note in drive.notes), f"[[{table}.drives]]"]
     lines += [f"joint = {quoted(drive.joint)}", f"node = {node}"]
-    counts = 1e7 if drive.prismatic else 2086075.6701
+    counts = 1e7 if drive.prismatic else 1e5 if drive.rolls else 2086075.6701
     lines += [f"counts_per_radian = {counts}", "direction = 1", "zero_rad = 0.0"]
     for key, value in (("lower", drive.lower), ("upper", drive.upper)):
         lines += [] if value is None else [f"{key} = {number(value)}"]
@@ -273,11 +323,13 @@ def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
         f"max_velocity = {bound(drive.velocity)}  # [{unit}/s]",
         f"max_acceleration = {bound(drive.acceleration)}",
         f"max_jerk = {bound(drive.jerk)}",
-        f"position_margin = {near}",
+        *([] if drive.rolls else [f"position_margin = {near}"]),
         f"quick_stop_deceleration = {number(1.5 * drive.acceleration)}",
     ]
     if drive.prismatic:
         lines += ["leash = 0.01", "following_window = 0.02"]
+    if drive.rolls:
+        lines += ["leash = 0.1", "following_window = 0.3"]
     return lines
 
 

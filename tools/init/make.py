@@ -15,20 +15,33 @@ from ...config.load import Cell, load_cell
 from ..checks.findings import Severity
 from ..checks.loops import stability
 from .capsules import Array
-from .draft import HOLDS, Draft, cell_name, drive_of, path_from, range_of, set_strength, text_of
+from .draft import (
+    HOLDS,
+    Draft,
+    Wheels,
+    cell_name,
+    drive_of,
+    path_from,
+    range_of,
+    set_strength,
+    text_of,
+)
 from .robot import UrdfArm, beyond, carried_mass
 from .study import BALL, GradedPosture, Solid, Study, ToolSide, by_design
 
 # --- The default script of a cell that `init` makes: it moves, stops, and touches a wall ----------
 WITHIN = 0.2  # the push on the wall is expected within this part of what is asked for [1]
+AWAY = 0.3  # a base drives so far away from the wall [m]
+TURN = 0.4  # and turns by so much there [rad]
+ODOMETRY = 0.01  # it is expected to know where it is within [m]
 
 
 class ScriptFigures(NamedTuple):
-    """Figures of the script's steps; in World."""
+    """Figures of the script's steps; in World, from which Base begins no more than higher."""
 
     ready_s: float  # from `start` to `ready` [s]
     aside: Array  # twist (6,) of the stick [m/s]
-    target: tuple[Array, Array]  # Pose of the MRF: place [m], roll, pitch, yaw [rad]
+    target: tuple[Array, Array]  # Pose of the MRF in Base: place [m], roll, pitch, yaw [rad]
     target_s: float
     forward: Array  # direction of the wall (3,)
     approach: tuple[float, float]  # speed of the stick towards it [m/s], and how long [s]
@@ -37,21 +50,26 @@ class ScriptFigures(NamedTuple):
     press_s: float  # time of the push [s]
 
 
-def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
+def script_text(plans: Mapping[str, ScriptFigures], name: str, wheels: Wheels | None = None) -> str:
     """Return the script's file: of an only arm, which has no name here, or of several.
 
-    Each moves while the others stand at `ready`; the first one ends on the wall, where it can go
-    straight.
+    Each moves while the others stand at `ready`; a base drives away from the wall, and comes back;
+    the first arm ends on the wall, where it can go straight.
     """
     at = 0.2
     steps = [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}') for arm in plans]
     at += max(plan.ready_s for plan in plans.values())
     first, *others = plans
     for arm in (*others, first):
-        more, at = _moves(plans[arm], arm, at, stopped=arm == first)
+        more, at = _moves(plans[arm], arm, at, wheels, stopped=arm == first)
         steps += more
     plan = plans[first]
     words, expected = f"{name}: a stick, a stop, and a pose", ""
+    if wheels is not None:
+        more, at, gone = _drive(plan, wheels, at)
+        steps += more
+        expected = f"base_travel_m = {{ least = {gone:.3g} }}\n"
+        expected += f"odometry_error_m = {{ most = {ODOMETRY} }}\n"
     if plan.force:
         speed, lasts = plan.approach
         toward = np.concatenate([plan.forward, np.zeros(3)])
@@ -63,7 +81,7 @@ def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
         at += lasts + plan.press_s
         words = f"{name}: a stick, a stop, a pose, and a push of {plan.force:.3g} N on the wall"
         least, most = plan.force * (1.0 - WITHIN), plan.force * (1.0 + WITHIN)
-        expected = f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n"
+        expected += f"contact_force_n = {{ least = {least:.3g}, most = {most:.3g} }}\n"
     head = [
         f'description = "{words}"',
         f"duration_s = {at:.1f}",
@@ -73,7 +91,9 @@ def script_text(plans: Mapping[str, ScriptFigures], name: str) -> str:
     return "\n".join([*head, *steps])
 
 
-def _moves(plan: ScriptFigures, arm: str, at: float, *, stopped: bool) -> tuple[list[str], float]:
+def _moves(
+    plan: ScriptFigures, arm: str, at: float, wheels: Wheels | None, *, stopped: bool
+) -> tuple[list[str], float]:
     """Return an arm's steps by stick and to a pose, and when they have ended."""
     steps = [f"# aside by the stick{'; the verified stop while it moves; on' * stopped}"]
     steps += [_stick(arm, at, plan.aside, 1.0)]
@@ -82,7 +102,8 @@ def _moves(plan: ScriptFigures, arm: str, at: float, *, stopped: bool) -> tuple[
         steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
     at += 2.5
     xyz, rpy = plan.target
-    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "world"'
+    frame = "world" if wheels is None else "base"
+    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "{frame}"'
     task = _of(arm, "task")
     steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {task}{pose} }}')]
     at += plan.target_s
@@ -90,6 +111,27 @@ def _moves(plan: ScriptFigures, arm: str, at: float, *, stopped: bool) -> tuple[
     steps += [_step(at, f'"cmd/cancel" = {{{cancelled}}}')]
     steps += [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}')]
     return steps, at + max(plan.ready_s, plan.target_s)
+
+
+def _drive(plan: ScriptFigures, wheels: Wheels, at: float) -> tuple[list[str], float, float]:
+    """Return the steps of a base, when they have ended [s], and how far it goes at least [m].
+
+    Straight away from the wall, a turn away from it, and both back again.
+    """
+    x, y = plan.target[0][:2].tolist()
+    away = -1.0 if plan.forward[0] > 0.0 else 1.0
+    aside = -1.0 if x * plan.forward[1] - y * plan.forward[0] > 0.0 else 1.0
+    v, w = away * min(0.15, wheels.speed), aside * min(0.3, wheels.angular_speed)
+    go_s, turn_s = AWAY / abs(v), TURN / abs(w)
+    steps = ["# the base: straight away from the wall, a turn, and back again"]
+    for rates, for_s in (
+        ((v, 0.0), go_s), ((0.0, w), turn_s), ((0.0, -w), turn_s), ((-v, 0.0), go_s),
+    ):  # fmt: skip
+        steps += [
+            _step(at, f'"cmd/drive" = {{ rates = {_list(np.array(rates))} }}', round(for_s, 2))
+        ]
+        at += for_s + 1.0
+    return steps, at, 1.8 * AWAY
 
 
 def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:
@@ -154,11 +196,11 @@ class Made:
         return self.plans[0]
 
 
-def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
+def make(arms: UrdfArm | Sequence[UrdfArm], out: Path, base: Wheels | str | None = None) -> Made:
     """Return the texts of a cell and its script, which will stand beside each other in `out`.
 
-    Of one arm, or of all that one URDF holds. Raises `ConfigError` for an arm that no cell can be
-    made of.
+    Of one arm, or of all that one URDF holds; `base` is what carries them, by `base_of`. Raises
+    `ConfigError` for an arm that no cell can be made of.
     """
     stem = out.stem
     drafts: list[Draft] = []
@@ -177,6 +219,8 @@ def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
                 mrf=np.zeros(3),
                 port=43300 + zlib.crc32(stem.encode()) % 2000,
                 fits=arm.fits,
+                wheels=base if isinstance(base, Wheels) else None,
+                base_held=base if isinstance(base, str) and not drafts else "",
             )
             middle = [
                 0.5 * sum(range_of(joint, d))
@@ -196,7 +240,7 @@ def make(arms: UrdfArm | Sequence[UrdfArm], out: Path) -> Made:
         draft.urdf = path_from(out.parent, draft.arm.urdf)
         draft.script = f"./{stem}_script.toml"
     names = [draft.arm.name if len(drafts) > 1 else "" for draft in drafts]
-    script = script_text(dict(zip(names, plans, strict=True)), drafts[0].name)
+    script = script_text(dict(zip(names, plans, strict=True)), drafts[0].name, drafts[0].wheels)
     return Made(text_of(drafts, contacts), script, tuple(drafts), tuple(plans))
 
 
@@ -208,7 +252,7 @@ class _Bench:
         self.beside: list[Solid] = []  # what arms that have been drafted pass through, and the wall
 
     def load(self, *drafts: Draft) -> Cell:
-        self._path.write_text(text_of(drafts), encoding="utf-8")
+        self._path.write_text(text_of(drafts, rolls=False), encoding="utf-8")
         return load_cell(self._path)
 
     def study(self, draft: Draft) -> Study:
@@ -354,7 +398,7 @@ def _plan(
     least = max(PUSH, HUNTS / _yields(study, q, forward))
     most = float((0.3 * spare / np.maximum(np.abs(J.T @ d), 1e-6)).min())
     draft.push = float(f"{min(least, HARDEST, most):.2g}")
-    pose = study.tool_pose(target).to_xyz_rpy()
+    pose = (study.mechanism.T_world_base.inverse() @ study.tool_pose(target)).to_xyz_rpy()
     if study.granted(q, toward) < STRAIGHT:
         draft.push = 0.0
     return ScriptFigures(

@@ -125,8 +125,11 @@ _CASTERS_APART: Final = 0.6
 _SOLREF: Final = (0.008, 1.0)
 
 
-def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
-    """Let the root of an arm drive. Raises `ValueError` where a wheel has no body."""
+def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection, height: float) -> None:
+    """Let the root of an arm drive, so high above the floor [m].
+
+    Raises `ValueError` where a wheel has no body.
+    """
     root, wheels = arm.worldbody.first_body(), base.wheels
     root.add_joint(name=FREE, type=mujoco.mjtJoint.mjJNT_FREE)
     for name in (wheels.left, wheels.right):
@@ -140,6 +143,7 @@ def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
             density=0,
         )
         axis = np.array(arm.joint(name).axis)
+        axis = axis if axis[1] >= 0.0 else -axis
         if axis[1] < 0.99:  # the tyre's y axis along the wheel's
             turn = np.array([1.0 + axis[1], axis[2], 0.0, -axis[0]])
             tyre.quat = turn / np.linalg.norm(turn)
@@ -152,7 +156,7 @@ def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection) -> None:
         ball = root.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=(_CASTER_RADIUS, 0.0, 0.0),
-            pos=(side * _CASTERS_APART * wheels.track, 0.0, _CASTER_RADIUS),
+            pos=(side * _CASTERS_APART * wheels.track, 0.0, _CASTER_RADIUS - height),
             density=0,
         )
         _rolls(ball, 0.0)

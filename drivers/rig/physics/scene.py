@@ -131,7 +131,7 @@ def _arm_of(part: Cell) -> mujoco.MjSpec:
     exclude_contacts(arm, part)
     _furnish_arm(arm, mechanism, rig)
     if mechanism.base is not None:
-        put_on_wheels(arm, mechanism.base)
+        put_on_wheels(arm, mechanism.base, mechanism.T_world_base.xyz[2])
     root = arm.worldbody.first_body()
     root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
     return arm

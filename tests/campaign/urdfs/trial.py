@@ -4,6 +4,7 @@ Nobody edits anything: the cell is as `init` writes it. The second run's cell be
 `ready`, and has a sphere as an obstacle, which the stick drives at.
 """
 
+import math
 import re
 import tempfile
 import time
@@ -14,12 +15,14 @@ from typing import Final
 
 import numpy as np
 from telerobot.config.errors import ConfigError
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.init.make import TO_WALL, Made, make
 from telerobot.tools.init.robot import read_arms
 from telerobot.tools.init.study import BALL
+from telerobot.tools.init.wheels import base_of
+from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.simulation.simulation import Result, simulate
 
 from .pictures import look
@@ -36,6 +39,10 @@ ROUNDING: Final = 1e-3
 SPHERE: Final = 0.05
 AHEAD: Final = 0.03
 """The sphere stands so far in front of the tool's ball [m]."""
+DRIVE: Final = (0.3, 0.4)
+"""A base on wheels drives so far ahead, and turns by so much then [m], [rad]."""
+DRIVEN: Final = (0.005, 0.005)
+"""It ends no farther from there [m], [rad]."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ def _tried(
     out = folder / f"{name}.toml"
     try:
         arms = read_arms(urdf, tips, packages)
-        made = make(arms, out)
+        made = make(arms, out, base_of(arms, packages))
         out.write_text(made.cell, encoding="utf-8")
         out.with_name(f"{name}_script.toml").write_text(made.script, encoding="utf-8")
         reasons = [
@@ -106,6 +113,7 @@ def _tried(
         # The arm rightly stands off a target that the sphere is in the way of.
         blocked = any(name.endswith(":sphere") for name in kept.states[-1].limits)
         posed = _keep_clear(made, out, sphere=False) if blocked else kept
+        reasons += _drive(made, out)
     except ConfigError as error:
         return UrdfTrial(name, reasons=list(error.messages))
     reasons += _against("clearance and pose", kept)
@@ -122,6 +130,38 @@ def _tried(
         name, sum(len(draft.drives) for draft in made.drafts), _number(pose), force,
         _number(clearance), float(np.mean(ratios)) if ratios else float("nan"), reasons, init_s,
     )  # fmt: skip
+
+
+def _drive(made: Made, out: Path) -> list[str]:
+    """Drive a base on wheels ahead and turn it, without the wall; return what speaks against it.
+
+    Where it gets to is the physics' truth. Nothing of an arm that stands.
+    """
+    wheels = made.draft.wheels
+    if wheels is None:
+        return []
+    v, w = min(0.15, wheels.speed), min(0.3, wheels.angular_speed)
+    told = [(0.2, 0.0, 0.0), (1.0, v, 0.0), (1.0 + DRIVE[0] / v, 0.0, 0.0)]
+    at = told[-1][0] + 1.5
+    told += [(at, 0.0, w), (at + DRIVE[1] / w, 0.0, 0.0)]
+    steps = [Step.model_validate({"at_s": s, "cmd/drive": {"rates": rates}}) for s, *rates in told]
+    run = simulate(
+        altered(load_cell(out), {"rig.wall": None}),
+        Script(duration_s=told[-1][0] + 2.0, step=tuple(steps)),
+    )
+    reasons = _against("drive", run)
+    begin, end = (run.truths[i].frames["base"] for i in (50, -1))
+    ahead = math.cos(begin[5]) * (end[0] - begin[0]) + math.sin(begin[5]) * (end[1] - begin[1])
+    aside = math.cos(begin[5]) * (end[1] - begin[1]) - math.sin(begin[5]) * (end[0] - begin[0])
+    turned = math.remainder(end[5] - begin[5], 2.0 * math.pi)
+    if math.hypot(ahead - DRIVE[0], aside) > DRIVEN[0] or abs(turned - DRIVE[1]) > DRIVEN[1]:
+        reasons.append(
+            f"the base gets {ahead:.4g} m ahead, {aside:.4g} m aside and turns by {turned:.4g} "
+            f"rad, asked for {DRIVE[0]:g} m and {DRIVE[1]:g} rad"
+        )
+    if (error := float(str(run.summary["odometry_error_m"]))) > DRIVEN[0]:
+        reasons.append(f"its odometry is {error:.3g} m off")
+    return reasons
 
 
 def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
@@ -144,6 +184,7 @@ def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
     cell.write_text(text + obstacle * sphere, encoding="utf-8")
     twist = [*(0.03 * plan.forward).round(6).tolist(), 0.0, 0.0, 0.0]
     xyz, rpy = (values.round(6).tolist() for values in plan.target)
+    frame = "world" if made.draft.wheels is None else "base"
     at = 0.2 + max(each.ready_s for each in made.plans)
     several = len(made.drafts) > 1
     of, task = (
@@ -161,7 +202,7 @@ def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
         f'"cmd/joystick" = {{ {task}twist = {twist}, expressed_in = "world" }}',
         f'[[step]]\nat_s = {at + 3.0:.2f}\n"cmd/posture" = {{ {of}posture = "ready" }}',
         f"[[step]]\nat_s = {at + 5.0 + plan.ready_s:.2f}\n"
-        f'"cmd/position" = {{ {task}xyz = {xyz}, rpy = {rpy}, relative_to = "world" }}',
+        f'"cmd/position" = {{ {task}xyz = {xyz}, rpy = {rpy}, relative_to = "{frame}" }}',
     ]
     script = out.with_name(f"{out.stem}_clear_script.toml")
     ends = at + 7.0 + plan.ready_s + plan.target_s

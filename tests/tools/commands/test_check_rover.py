@@ -63,6 +63,9 @@ def test_the_highest_cell_is_lost_where_the_sweep_ends(changed):
 ROWS = {
     "axles that are elsewhere": (
         ("radius = 0.12", "radius = 0.10"), "base wheels", {"off": 0.2, "limit": 0.05}),
+    "a Base that is no higher than its wheels say": (
+        ("rated_payload = 3.0", "rated_payload = 3.0\nT_world_base = { xyz = [0, 0, 0.03] }"),
+        "base wheels", {"urdf_radius": 0.15, "off": 0.25}),
     "a speed that no wheel turns at": (
         ("speed = 0.5\nangular", "speed = 0.9\nangular"), "base speed",
         {"straight": 7.5, "max_velocity": 6.5}),
@@ -117,6 +120,17 @@ def test_wheels_that_were_swapped_are_told(changed):
     found = found["base wheels"]
     assert found.status is Severity.ERROR
     assert found.values["urdf_track"] == pytest.approx(-0.5)
+
+
+def test_a_base_that_is_not_midway_between_its_wheels_is_told(changed, tmp_path):
+    urdf = load_cell("rover_bridge").robot.urdf.read_text()
+    assert '<origin xyz="0 0.25 0.12"/>' in urdf
+    for y in ("0.25 0.12", "-0.25 0.12"):
+        urdf = urdf.replace(f'<origin xyz="0 {y}"/>', f'<origin xyz="-0.1 {y}"/>')
+    (tmp_path / "aft.urdf").write_text(urdf)
+    found = changed(('urdf = "rover_scan"', 'urdf = "./aft.urdf"'), checks=[wheels])["base wheels"]
+    assert found.status is Severity.ERROR
+    assert found.values["off"] == pytest.approx(0.2)
 
 
 def test_an_arm_in_the_scanners_view_hides_cells(changed):
