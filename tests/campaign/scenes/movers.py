@@ -2,19 +2,24 @@
 
 A mover goes for a link of the true arm at nearly its greatest speed, turns away, stops, or falls
 silent and goes on; when what, is drawn beforehand. One whose acceleration is bounded changes its
-velocity accordingly, tick by tick; of any other the velocity may jump. One that comes to the arm
-has hit it, which is counted, and stands there. It is a ghost: distances to it are true, but it does
-not push, so that how the arm moves can be judged on after a hit.
+velocity accordingly, tick by tick; of any other the velocity may jump. It is a solid body that the
+arm cannot push aside. One that would come into the arm in a physics step has hit it, which is
+counted: it comes no further, so that it presses with nothing but what the arm does.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from telerobot.config.load import Cell
 from telerobot.config.schema.surroundings import ObstacleSection
-from telerobot.tools.scripts.script import MovingObstacle
+from telerobot.protocols import topics as t
+from telerobot.protocols.codec import encode
+from telerobot.protocols.messages.perception import ObstacleNews
+from telerobot.tools.scripts.generators import NEWS_EVERY_S
 from telerobot.tools.simulation.simulation import Simulation
 
 Vector = NDArray[np.float64]
@@ -24,8 +29,6 @@ FASTEST = 0.95
 """Part of its stated bounds that a mover uses [1]."""
 EVERY_S = 0.05
 """A mover that can turn at once takes aim so often [s]."""
-STANDS = (1e-6, 0.0, 0.0)
-"""Velocity of one that stands and is still told of [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -62,49 +65,115 @@ def mover(draw: np.random.Generator, obstacle: ObstacleSection, until_s: float) 
     return RandomMover(obstacle, tuple(acts))
 
 
+class Touch(NamedTuple):
+    """Where a mover meets the arm."""
+
+    away: Vector
+    """Direction (3,) from the arm to the mover."""
+    escape: float
+    """Greatest speed at which all joints together take the place that is touched from the mover
+    [m/s]; 0 for a link that turns about its own axis, or does not move at all."""
+
+
 class Chase:
-    """Moves what moves in a run, tick by tick."""
+    """Moves what moves in a run: `run` once a tick, `step` in every physics step."""
 
     def __init__(self, cell: Cell, movers: tuple[RandomMover, ...], simulation: Simulation) -> None:
         self._movers, self._simulation = movers, simulation
-        self._period_s = cell.config.timing.period_s
-        model = simulation.rig.world.model
-        self._links = [int(model.joint(j.name).bodyid[0]) for j in cell.robot.joints]
-        self._body = {
-            m.obstacle.name: int(model.body(f"obstacle_{m.obstacle.name}").id) for m in movers
+        self._period_s, self._step_s = cell.config.timing.period_s, simulation.rig.dt
+        world = simulation.rig.world
+        model, self._data, self._model = world.model, world.data, world.model
+        joints = [model.joint(j.name) for j in cell.robot.joints]
+        self._links = [int(joint.bodyid[0]) for joint in joints]
+        self._dofs = [int(joint.dofadr[0]) for joint in joints]
+        self._fastest = np.array([d.max_velocity for d in cell.config.mechanism.drives])
+        root = model.body_rootid[self._links[0]]
+        own = (model.body_rootid[model.geom_bodyid] == root) & (model.geom_contype > 0)
+        self._arm = np.flatnonzero(own)
+        bodies = {m.obstacle.name: model.body(f"obstacle_{m.obstacle.name}") for m in movers}
+        self._geom = {name: int(body.geomadr[0]) for name, body in bodies.items()}
+        self._place = {
+            name: self._data.mocap_pos[int(body.mocapid[0])] for name, body in bodies.items()
         }
-        for body in self._body.values():
-            first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
-            model.geom_contype[first : first + count] = 0
-            model.geom_conaffinity[first : first + count] = 0
         self._velocity: dict[str, Vector] = {}
+        self._told_s: dict[str, float] = {}
+        self._since_s: dict[str, float] = {}
         self._silent: set[str] = set()
         self._aimed_s: dict[str, float] = {}
+        self.touching: dict[str, Touch] = {}
+        """The movers that are at the arm."""
 
-    def run(self, at_s: float, touching: str = "") -> None:
-        """Move on to a time of the script [s]; `touching` names a mover that has hit the arm."""
+    def step(self) -> None:
+        """Move on by a physics step, as far as the arm leaves room."""
+        mujoco.mj_kinematics(self._model, self._data)
+        self.touching = {}
+        for name, place in self._place.items():
+            way = self._velocity.get(name, np.zeros(3)) * self._step_s
+            touch = self._met(name, way)
+            if touch is not None:
+                self.touching[name] = touch
+            if touch is None or float(way @ touch.away) > 0.0:
+                place[:] += way
+
+    def run(self, at_s: float) -> None:
+        """Take aim and tell, at a time of the script [s]."""
         for m in self._movers:
             name, act = m.obstacle.name, [a for a in m.acts if a.at_s <= at_s][-1]
-            if name == touching and act.does != "turn":
-                self._go(m.obstacle, np.zeros(3), hit=True)
-            elif act.does == "silent" and name in self._velocity:
-                if name not in self._silent:
-                    self._silent.add(name)
-                    self._simulation.player.move(
-                        MovingObstacle.model_validate({"name": name, "silent": True})
-                    )
-            elif m.obstacle.max_acceleration is not None or self._due(name, at_s):
-                self._go(m.obstacle, self._wanted(m.obstacle, act))
+            if act.does == "silent" and name in self._velocity:
+                self._silent.add(name)
+                continue
+            if name in self._silent or name not in self._since_s:
+                self._told_s.pop(name, None)
+                self._since_s[name] = at_s
+            wanted = self._velocity.get(name, np.zeros(3))
+            if m.obstacle.max_acceleration is not None or self._due(name, at_s):
+                wanted = self._wanted(m.obstacle, act)
+            self._go(m.obstacle, wanted)
+        self.tell()
 
-    def tells(self, name: str) -> bool:
-        """Return whether a mover is told of now."""
-        return name not in self._silent
+    def told_for(self, name: str, at_s: float) -> float:
+        """Return for how long a mover has been told of [s]; 0 while it is not."""
+        return 0.0 if name in self._silent else at_s - self._since_s.get(name, at_s)
+
+    def beside(self, name: str, within: float, faster: float) -> str:
+        """Return another mover that is so near the arm [m] and so fast [m/s], or nothing."""
+        others = [m.obstacle for m in self._movers if m.obstacle.name != name]
+        return next(
+            (o.name for o in others if o.max_speed > faster and any(self._gaps(o.name, within))), ""
+        )
 
     def end(self, touching: str = "", away: Vector | None = None) -> None:
         """Let all movers stand, but for one that backs `away` (3,), length 1."""
         for m in self._movers:
             speed = FASTEST * m.obstacle.max_speed if m.obstacle.name == touching else 0.0
             self._go(m.obstacle, np.zeros(3) if away is None else speed * away)
+        self.tell()
+
+    def _met(self, mover: str, way: Vector) -> Touch | None:
+        """Return where a mover meets the arm, if it does on a way (3,) [m]."""
+        far, found = float(np.linalg.norm(way)), None
+        for gap, geom, at in self._gaps(mover, far):
+            away = self._place[mover] - at
+            away /= max(float(np.linalg.norm(away)), 1e-9)
+            if gap <= max(0.0, -float(way @ away)):
+                found = Touch(away, self._escape(int(self._model.geom_bodyid[geom]), at, away))
+        return found
+
+    def _gaps(self, mover: str, within: float) -> Iterator[tuple[float, int, Vector]]:
+        """Yield gap [m], geom, and nearest place on it (3,) of what of the arm is near a mover."""
+        ball, place = self._geom[mover], self._place[mover]
+        reach = within + self._model.geom_rbound[ball] + self._model.geom_rbound[self._arm]
+        apart = np.linalg.norm(self._data.geom_xpos[self._arm] - place, axis=1)
+        for geom in self._arm[apart <= reach].tolist():
+            fromto = np.zeros(6)
+            gap = mujoco.mj_geomDistance(self._model, self._data, geom, ball, 0.1, fromto)
+            if gap <= within:
+                yield gap, geom, fromto[:3]
+
+    def _escape(self, body: int, at: Vector, away: Vector) -> float:
+        J = np.zeros((3, self._model.nv))
+        mujoco.mj_jac(self._model, self._data, J, None, at, body)
+        return float(np.abs(away @ J[:, self._dofs]) @ self._fastest)
 
     def _due(self, name: str, at_s: float) -> bool:
         """Return whether one that turns at once takes aim again."""
@@ -119,24 +188,36 @@ class Chase:
             return np.zeros(3)
         if act.does == "turn":
             return speed * np.array(act.way)
-        place = self._simulation.rig.world.data.xpos
         link = self._links[round(act.part * (len(self._links) - 1))]
-        way = place[link] - place[self._body[obstacle.name]]
+        way = self._data.xpos[link] - self._place[obstacle.name]
         return np.asarray(speed * way / max(float(np.linalg.norm(way)), 1e-9))
 
-    def _go(self, obstacle: ObstacleSection, wanted: Vector, hit: bool = False) -> None:
-        """Bring one nearer to a velocity (3,), and tell where it is and goes if that changes."""
+    def _go(self, obstacle: ObstacleSection, wanted: Vector) -> None:
+        """Bring one nearer to a velocity (3,); one that was silent is told of again."""
         name = obstacle.name
         before = self._velocity.get(name, np.zeros(3))
-        change = wanted - before
-        if obstacle.max_acceleration is not None and not hit:
-            most = FASTEST * obstacle.max_acceleration * self._period_s
-            change = change * min(1.0, most / max(float(np.linalg.norm(change)), 1e-12))
-        if name in self._velocity and name not in self._silent and not change.any():
-            return
-        fresh = {} if name in self._velocity else {"xyz": obstacle.xyz}
+        touch = self.touching.get(name)
+        if touch is not None and float(wanted @ touch.away) <= 0.0:
+            after = np.zeros(3)
+        else:
+            after = wanted
+            if obstacle.max_acceleration is not None:
+                most = FASTEST * obstacle.max_acceleration * self._period_s
+                size = max(float(np.linalg.norm(wanted - before)), 1e-12)
+                after = before + (wanted - before) * min(1.0, most / size)
         self._silent.discard(name)
-        after = self._velocity[name] = before + change
-        x, y, z = after.tolist() if after.any() else STANDS
-        step = MovingObstacle.model_validate({"name": name, "velocity": (x, y, z), **fresh})
-        self._simulation.player.move(step)
+        if not np.array_equal(after, before):
+            self._told_s.pop(name, None)
+        self._velocity[name] = after
+
+    def tell(self) -> None:
+        """Tell of all that are told of and go another way, or were not told of for a while."""
+        now_s, tick = self._simulation.clock.time_s, self._simulation.cycle.tick
+        for name, velocity in self._velocity.items():
+            due_s = self._told_s.get(name, -1.0) + NEWS_EVERY_S
+            if name in self._silent or now_s < due_s - 1e-9:
+                continue
+            self._told_s[name] = now_s
+            (x, y, z), (vx, vy, vz) = self._place[name].tolist(), velocity.tolist()
+            news = ObstacleNews(name=name, tick=tick, xyz=(x, y, z), velocity=(vx, vy, vz))
+            self._simulation.link.put(t.OBSTACLE, encode(news))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from laboratory.oracle.way_out import AWAY, WIDER, closed_in
@@ -22,7 +23,10 @@ CLOSING = 0.006
 """Below the promise, own motion closes a gap to what moves by no more than this [m]: what has come
 into the capsules around links, which are more than the links, is kept from these."""
 SLOW = 0.2
-"""A mover that is told of, and no faster, is given way to: it does not hit the arm [m/s]."""
+"""A mover that is told of, and no faster, is given way to: it does not hit the arm [m/s]. An arm
+steps aside for no more where it stands; none is asked to where its joints are slower there."""
+BELIEVED_S = 0.2
+"""News of what comes acts in full after so long [s]."""
 PAUSE_S = 0.3
 """Between the hostile part and the retreat [s]."""
 RETREAT = 0.15
@@ -41,6 +45,39 @@ STOPPED_SHARE = 0.01
 """The stored stop takes over in less than this part of all ticks [1]."""
 
 
+class Hit(NamedTuple):
+    """A mover that came to the arm."""
+
+    mover: str
+    at_s: float
+    speed: float
+    """Its greatest speed [m/s]."""
+    told_s: float
+    """It had been told of for so long; 0: nobody did [s]."""
+    escape: float
+    """Greatest speed at which the joints take what was hit from it [m/s]."""
+    beside: str
+    """Another mover that is quicker than `SLOW`, and nearer than the promise; or empty."""
+
+    @property
+    def why_not(self) -> str:
+        """Reason why no law is asked to avoid it; empty where the arm was to step aside."""
+        if self.told_s < BELIEVED_S:
+            return f"it was told of for {self.told_s:.2f} s, at least {BELIEVED_S:g} s count"
+        if self.escape <= self.speed:
+            return f"the joints take that place away at {self.escape:.2f} m/s at most"
+        if self.speed > SLOW:
+            return f"it is quicker than {SLOW:g} m/s"
+        return f"{self.beside} is there, too, and quicker than {SLOW:g} m/s" * bool(self.beside)
+
+    @property
+    def words(self) -> str:
+        """When it came, and how fast."""
+        return (
+            f"hit at {self.at_s:.2f} s by {self.mover}, which comes at up to {self.speed:.2f} m/s"
+        )
+
+
 @dataclass(frozen=True)
 class SceneRun:
     """The figures of one run; all plain values."""
@@ -56,9 +93,8 @@ class SceneRun:
     """Least clearance of the physics, after the drives hold [m]."""
     closed_m: float
     """Most that own motion closed a gap below the promise to something that moves [m]."""
-    hits: tuple[tuple[str, float, float, bool], ...]
-    """Movers that came to the arm: name, when [s], greatest speed [m/s], and whether it was told of
-    at the time."""
+    hits: tuple[Hit, ...]
+    """Movers that came to the arm."""
     ways: int
     """Straight retreats that were tried; 1: away from what was nearest was a way out."""
     left: bool
@@ -75,7 +111,8 @@ class SceneRun:
     @property
     def name(self) -> str:
         """Kind and seed, and whether the arm is closed in."""
-        return f"scene {self.kind} seed {self.seed}" + ", closed in" * self.closed
+        hit = any(hit.why_not for hit in self.hits)
+        return f"scene {self.kind} seed {self.seed}" + ", closed in" * self.closed + ", hit" * hit
 
     @property
     def reasons(self) -> list[str]:
@@ -91,11 +128,7 @@ class SceneRun:
             found.append(f"deeper inside: {1e3 * self.least_m:.2f} mm from {1e3 * self.held_m:.2f}")
         if self.closed_m > CLOSING:
             found.append(f"own motion closed a gap by {1e3 * self.closed_m:.2f} mm")
-        found += [
-            f"hit at {at_s:.2f} s by {name}, which was told of and comes at most at {speed:.2f} m/s"
-            for name, at_s, speed, told in self.hits
-            if told and speed <= SLOW
-        ]
+        found += [f"{hit.words} and was told of" for hit in self.hits if not hit.why_not]
         if not (self.left or self.closed):
             found.append("did not leave on a retreat")
         return found
@@ -112,7 +145,7 @@ class _Judge:
         self.postures: list[np.ndarray] = []
         """Postures (n,) [rad] at the beginning and end of a retreat that failed."""
         self._movers = {f"obstacle_{m.obstacle.name}": m.obstacle.max_speed for m in scene.movers}
-        self.hits: dict[str, tuple[str, float, float, bool]] = {}
+        self.hits: dict[str, Hit] = {}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
         self._chase = Chase(scene.cell, scene.movers, simulation)
@@ -136,11 +169,6 @@ class _Judge:
         if not self._judging:
             self._judging, self.first, self.least = True, near.distance, near.distance
         self.least = min(self.least, near.distance)
-        if near.distance <= 0.0 and near.other in self._movers and self._at_s < HOSTILE_S:
-            name, speed = near.other.removeprefix("obstacle_"), self._movers[near.other]
-            told = self._chase.tells(name)
-            self.hits.setdefault(name, (name, self._at_s, speed, told))
-        # Two things cannot be in one place: what would be so after contact is not judged.
         if 0.0 < near.distance < PROMISE and near.other in self._movers:
             now = world.q.copy()
             world.q[:] = self._before
@@ -152,6 +180,14 @@ class _Judge:
         else:
             self._closing = 0.0
         self._before[:] = world.q
+        self._chase.step()
+        if (at_s := self._at_s) < HOSTILE_S:
+            for name, touch in self._chase.touching.items():
+                if name in self.hits:
+                    continue
+                speed, told_s = self._movers[f"obstacle_{name}"], self._chase.told_for(name, at_s)
+                beside = self._chase.beside(name, PROMISE, SLOW)
+                self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, beside)
 
     @property
     def _at_s(self) -> float:
@@ -171,11 +207,12 @@ class _Judge:
         touches = near.distance < FREE and near.other in self._movers
         touching = near.other.removeprefix("obstacle_") if touches else ""
         if self._at_s < HOSTILE_S:
-            self._chase.run(self._at_s, touching)
+            self._chase.run(self._at_s)
             return
         if self._retreat is not None:
             self._watch(near)
             if self.left or self._at_s < self._until_s:
+                self._chase.tell()
                 return
         way = _away(near)
         self._chase.end(touching, -way)
@@ -275,9 +312,8 @@ class SceneSummary:
             "closed_in": sum(s.closed for s in self.scenes),
             "left_aside": sum(s.left and s.ways > 1 for s in self.scenes),
             "hits": sum(len(s.hits) for s in self.scenes),
-            "hits_by_slow": sum(
-                told and speed <= SLOW for s in self.scenes for _, _, speed, told in s.hits
-            ),
+            "hits_avoidable": sum(not hit.why_not for s in self.scenes for hit in s.hits),
+            "scenes_hit": sum(bool(s.hits) for s in self.scenes),
             "most_closed_m": max((s.closed_m for s in self.scenes), default=0.0),
             "limit_violations": sum(s.limit_violations for s in self.scenes),
             "stopped_share": self.stopped_share,
@@ -300,8 +336,10 @@ class SceneSummary:
             "left on a retreat": f"all but {f['did_not_leave']}, must be all; "
             f"{f['left_aside']} not straight away from what was nearest, but aside",
             "closed in": f"{f['closed_in']} besides, from where a search finds no way out either",
-            "hit by movers": f"{f['hits']} times, by movers of up to {SLOW:g} m/s that were told "
-            f"of {f['hits_by_slow']} times, must be 0",
+            "hit by movers": f"{f['hits_avoidable']} times by what was told of for {BELIEVED_S:g} "
+            f"s, no quicker than {SLOW:g} m/s or the joints, beside nothing quicker; must be 0",
+            "hit all the same": f"{int(str(f['hits'])) - int(str(f['hits_avoidable']))} times, in "
+            f"{f['scenes_hit']} scenes, which do not count as passed",
             "limit violations": f"{f['limit_violations']}, must be 0",
             "stored stop": f"{self.stopped_share:.3%} of ticks, below {STOPPED_SHARE:.0%}",
             "barriers active": f"{f['limited_share']:.1%} of ticks",
@@ -309,7 +347,8 @@ class SceneSummary:
         lines = [f"{name:20} {text}" for name, text in shown.items()]
         for s in self.scenes:
             again = f"python -m laboratory.campaign --only=scenes --seeds {s.seed}:{s.seed + 1}"
-            lines += [f"{again}  # {why}" for why in s.reasons + ["closed in"] * s.closed]
+            told = [f"{hit.words}: {hit.why_not}" for hit in s.hits if hit.why_not]
+            lines += [f"{again}  # {why}" for why in s.reasons + told + ["closed in"] * s.closed]
         lines.append("all promises kept" if self.kept else "a promise is broken")
         return lines
 
