@@ -463,6 +463,8 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         )
     if config.reflection is not None and config.mechanism.force_torque is None:
         yield "reflection: the cell has no [mechanism.force_torque] sensor to reflect forces of"
+    if config.resolve.free_axes and config.mechanism.backbone is not None:
+        yield "resolve.free_axes: an arm with a [mechanism.backbone] follows its curve: give none"
     yield from priority_disagreements(config, robot)
     yield from rover_disagreements(config, robot)
     yield from _rails(config.mechanism, robot)

@@ -180,6 +180,7 @@ def _of_task(
             name: (gain, output.self_motion.norms.get(name, 0.0))
             for name, gain in output.objectives.gains.items()
         },
+        "axes_held": (1.0,) * 6 if output.axes_held is None else _six(output.axes_held),
         "path": None if output.path is None else _numbers(output.path),
         "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
         "master": {

@@ -5,7 +5,9 @@ One TOML file describes one cell. Unknown keys are errors, numbers are finite, S
 description; `check.py` in the tools judges what a schema cannot see.
 """
 
-from pydantic import Field, model_validator
+from typing import Literal
+
+from pydantic import Field, field_validator, model_validator
 
 from .bus import BusSection, EnablingSwitchSection
 from .mechanism import MechanismSection, TorqueSection, TouchSection
@@ -78,6 +80,17 @@ class ResolveSection(Section):
     floor: float = Field(
         0.01, gt=0, le=1, description="singular value below which motion into it is held off [m]"
     )
+    free_axes: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
+        (), max_length=5, description="axes of the MRF that the task leaves to the null space"
+    )
+
+    @field_validator("free_axes")
+    @classmethod
+    def _once(cls, axes: tuple[str, ...]) -> tuple[str, ...]:
+        twice = next((name for name in axes if axes.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"'{twice}' is there twice")
+        return axes
 
     @model_validator(mode="after")
     def _is_bounded(self) -> "ResolveSection":

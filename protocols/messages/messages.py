@@ -225,6 +225,22 @@ class RedundancyRequest(TaskCommand):
         return self
 
 
+class FreeAxesRequest(TaskCommand):
+    """Says which axes of its MRF a task leaves free, and holds all others; the change is ramped.
+
+    `axes` are `x`, `y`, `z`, and `rx`, `ry`, `rz` for rotations about these; none: all are held.
+    """
+
+    axes: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(max_length=5)
+
+    @model_validator(mode="after")
+    def _once(self) -> "FreeAxesRequest":
+        twice = next((name for name in self.axes if self.axes.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"axis '{twice}' is there twice")
+        return self
+
+
 def complaint_of_path(waypoints: int, speeds: int, twists: int, durations: int) -> str:
     """Return what is wrong with so many of each in one path, or nothing."""
     if bool(waypoints) == bool(twists):

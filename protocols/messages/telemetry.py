@@ -25,6 +25,7 @@ class TaskState(Message):
     `objectives` each redundancy objective's gain and the size of its part [rad/s]. `potential`
     tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
     the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
+    `axes_held` tells how far the task holds each axis of its MRF: 1, and 0 for one that is free.
 
     `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
     `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
@@ -62,6 +63,7 @@ class TaskState(Message):
     twist: Vector6
     self_motion: JointVector
     objectives: dict[str, tuple[float, float]]
+    axes_held: Vector6 = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     path: dict[str, float] | None
     path_mrf: Vector6 | None
     master: dict[str, float]

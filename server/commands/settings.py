@@ -11,6 +11,7 @@ from ...config.schema.cell import CellConfig
 from ...config.schema.null_space import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
 from ...protocols.messages.messages import RedundancyRequest
+from ..control.axes import holding
 from ..control.inputs import ObjectiveGains, Payload, Settings
 from ..control.spatial import Array, Pose
 from ..refusals import Refused, Why
@@ -60,6 +61,8 @@ class OperatorSettings:
         self._vision_on = self.on["vision"]
         redundancy = config.redundancy
         self.objectives = ObjectiveGains(redundancy.gains, self._postures[redundancy.posture_name])
+        self.held = holding(config.resolve.free_axes)
+        """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -105,6 +108,7 @@ class OperatorSettings:
             at_once=WRENCH_SOURCES if self.load_settles else (),
             contact_share=self.contact_share,
             untold=self.untold,
+            held=self.held,
         )
 
     @property

@@ -19,6 +19,7 @@ from .actuation.actuation import (
     by_position,
 )
 from .actuation.torque import TorqueLaw
+from .axes import HeldAxes
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, Clear
 from .barriers.clearance import BarrierInputs
@@ -249,6 +250,8 @@ class DesiredRates(NamedTuple):
     """The joints are commanded themselves: jogged, or led to a posture."""
     stance: Stance = STANDS
     """How the arm meets what comes."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all, or none is led."""
 
 
 class ArmMeasurement(NamedTuple):
@@ -354,6 +357,10 @@ class Arm:
         hand = self.wrist.hand_mrf(wrist, mrf)
         # A new MRF is no new point of the tool: singularities and shaped rates are told there.
         lever = k.T_world_wrist.R.dot(self.p.T_wrist_tool.p - mrf.p)
+        held = None
+        if task.held is not None:
+            ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
+            held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
         context = context_of(
             motion.dq, task.off_path, wrist, near, inputs, k,
             self.wrist, lever, wrench, hand,
@@ -361,6 +368,8 @@ class Arm:
         whole = self._whole(inputs, motion.q, k, objectives)
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
+        if held is not None:
+            context = context._replace(held=held)
         task, twists = self.task.twists(task, context)
         around = Environment(inputs.scene, near, base, placed, wrench)
         stance = self._stance(memory, inputs, task, twists, k, placed)
@@ -371,7 +380,7 @@ class Arm:
             motion.q, twists, acting, task.off_path,
             inputs if settled is inputs.at_posture else evolve(inputs, at_posture=False),
             k, lever, around, memory.insertion, whole,
-            (memory.sent[1], inputs.q_measured),
+            (memory.sent[1], inputs.q_measured), held,
         )  # fmt: skip
         asked = self._coming_back(stance, inputs, motion.q, k, asked)
         if inputs.beside.sweep is not None:
@@ -425,6 +434,7 @@ class Arm:
             lambda: quantities(wrist, inputs, k, inputs.time_s - since_s),
             moving,
             settings.at_once,
+            settings.held,
         )
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
@@ -445,15 +455,19 @@ class Arm:
         insertion: Insertion | None = None,
         whole: Whole = IDLE,
         following: tuple[Array, Array] | None = None,
+        held: HeldAxes | None = None,
     ) -> DesiredRates:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
         At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
         objectives have to be taken as it is; `following` are the joints (n,) as they were commanded
-        and measured at one instant.
+        and measured at one instant; `held` which axes of the MRF the task holds, None for all.
         """
         twist = summed(twists)
         left = twist if whole is IDLE else whole.left(twists)
+        if held is not None:
+            # The rows belong to the MRF: singularities are judged there, too.
+            twist, left, lever = held.part(twist), held.part(left), np.zeros(3)
         joint_rates = None
         if inputs.intent is Intent.MOVE:
             joint_rates = self.joint_motion.rates(
@@ -492,10 +506,17 @@ class Arm:
             insertion,
             following,
             None if self.p.T_wrist_sensor is None else inputs.settings.payload or self.p.payload,
+            held,
         )
         found = self.body.rates(q, k, request, around)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
-        return DesiredRates(dq, twists, twist, s_tool, limits + found.limits, found)
+        if held is not None:
+            # Self-motion moves the tool along axes that are free.
+            share = self.tool_share(k.J @ dq, inputs.settings.speed_factor)
+            if share < 1.0:
+                dq, s_tool, limits = share * dq, share * s_tool, (*limits, "tool_speed")
+        limits += found.limits
+        return DesiredRates(dq, twists, twist, s_tool, limits, found, held=held)
 
     def _whole(self, inputs: Inputs, q: Array, k: Kinematics, objectives: ObjectiveGains) -> Whole:
         """Return what is taken whole at the commanded posture q (n,), whose kinematics are `k`.
@@ -578,7 +599,9 @@ class Arm:
             back = standing.back(station, q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
-                found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
+                held, rank = asked.held, self.mechanism.rank
+                rank = rank if held is None else held.rank
+                found = resolve(k.J, twist, self.p.resolve, None, rank, held)
                 back = found.dq + found.null.T @ (found.null @ back)
             dq = dq + back
         return asked._replace(dq=dq, limits=limits)
@@ -628,6 +651,9 @@ class Arm:
         beside: bool,
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
+        path = self.body.path(seen.kinematics, inputs.ground == "base")
+        if asked.held is not None:
+            path = asked.held.keep @ (seen.kinematics.J if path is None else path)
         return BarrierInputs(
             dq=asked.dq,
             kinematics=seen.kinematics,
@@ -640,7 +666,7 @@ class Arm:
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
             synchronized=asked.found.synchronized,
             wheels_commanded=asked.found.wheels_commanded,
-            path=self.body.path(seen.kinematics, inputs.ground == "base"),
+            path=path,
             by_joint=asked.by_joint,
             n_locked=asked.found.n_locked,
             motion_commanded=not beside or self.motion_commanded(asked.twists, inputs),
@@ -727,6 +753,7 @@ class Arm:
             field=asked.found.field,
             off_path=memory.task.off_path,
             insertion=memory.insertion,
+            axes_held=memory.task.held,
         )
 
     def _advanced(

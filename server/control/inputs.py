@@ -218,6 +218,8 @@ class Settings:
     """Part of the task's sum that acts: less on what force control rang on [1]."""
     untold: Array | None = None
     """Wrench (6,) that the arm exerts at the MRF, in World axes, on nobody's hand; None: none."""
+    held: Array | None = None
+    """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,8 @@ class Output(NamedTuple):
     """The payload that it holds with others; None for an arm with a task alone."""
     shared: "Output | None" = None
     """The same of a joint task, at its shared MRF; told by its first arm only."""
+    axes_held: Array | None = None
+    """How far the task holds the axes of its MRF (6,), from 0, free, to 1; None: all are held."""
 
     @property
     def gaps(self) -> tuple[Gap, ...]:

@@ -20,6 +20,7 @@ from ...protocols.messages.messages import (
 from ...protocols.messages.perception import FrameRequest, StoreView
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
+from ..control.axes import holding
 from ..control.compiled import evolve
 from ..control.grasps.held import GraspStatus
 from ..control.inputs import Inputs, Intent, ViewGoal
@@ -549,6 +550,7 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             if T_world_mrf is None:
                 raise Refused(Why.NOT_NOW, "where the arm is was not heard yet")
             commands.set_frame(message, T_world_mrf)
+            _know_ranks(unit)
             _tell_frame(message, unit)
         case requests.PayloadRequest():
             settings.set_payload(message, unit.perception.weighed)
@@ -561,6 +563,8 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             settings.set_objective(message)
             commands.goals.idle = False
             events.info("objective_set", message.objective, gain=message.gain)
+        case motion.FreeAxesRequest():
+            _free_axes(message, unit)
         case motion.ClutchRequest():
             commands.set_clutch(message)
             master = commands.master
@@ -587,6 +591,30 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             events.info("view_stored", message.camera or "", **stored)
         case _:
             raise Refused(Why.NOT_NOW, f"no service for {type(message).__name__}")
+
+
+def _free_axes(message: motion.FreeAxesRequest, unit: Unit | JointUnit) -> None:
+    """Leave axes of the MRF free; raises `Refused` where the body has none to leave."""
+    if isinstance(unit, JointUnit):
+        raise Refused(Why.NOT_NOW, f"arms hold '{unit.task}' together: in all its axes")
+    if unit.arm.body.on_curve:
+        raise Refused(Why.NOT_NOW, "the arm follows a curve: no axes are its task's")
+    commands = unit.commands
+    commands.settings.held = holding(message.axes)
+    commands.goals.idle = False
+    _know_ranks(unit)
+    unit.events.info("axes_freed" if message.axes else "axes_held", ", ".join(message.axes))
+
+
+def _know_ranks(unit: Unit | JointUnit) -> None:
+    """Find the ranks of the task's rows before a tick asks for them."""
+    settings = unit.commands.control_settings()
+    if settings.held is None:
+        return
+    now = None if unit.output is None else unit.output.axes_held
+    fading = settings.held if now is None else np.minimum(settings.held, now)
+    for held in (settings.held, fading):
+        unit.arm.mechanism.held_ranks(held == 1.0, settings.T_wrist_mrf)
 
 
 def _set_gain(message: requests.GainRequest, unit: Unit | JointUnit) -> None:

@@ -379,6 +379,13 @@ class Motions(ABC):
         """Set a redundancy objective's gain, 0 for off."""
         self.request(t.REDUNDANCY, objective=objective, gain=gain, posture=posture)
 
+    def free_axes(self, *axes: str) -> None:
+        """Leave axes of the MRF to the null space: "x", "y", "z", "rx", "ry", "rz"; hold the rest.
+
+        A goal is reached when the axes that are held are there; nothing is asked along the others.
+        """
+        self.request(t.FREE_AXES, axes=axes)
+
 
 # --- One task of a cell, led through an operator's session: what it sends names the task ----------
 class TaskClient(Motions):

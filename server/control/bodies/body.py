@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.load import Cell
+from ..axes import HeldAxes
 from ..inputs import STILL, DriveRequest, ObjectiveGains, Payload
 from ..mechanism.field import Field, FieldReading, shifted
 from ..mechanism.model import Mechanism
@@ -91,6 +92,8 @@ class RateRequest(NamedTuple):
     """Joints (n,) as commanded and as measured at one instant [rad]."""
     payload: Payload | None = None
     """What hangs on the force/torque sensor; None without one."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
 
 
 class Environment(NamedTuple):
@@ -179,18 +182,20 @@ class Resolver:
         shares: Shares | None = None,
     ) -> JointRates:
         """Return joint rates at the commanded posture q (n,) [rad], whose kinematics are `k`."""
-        shares = self._even if shares is None else shares
+        shares, held = self._even if shares is None else shares, request.held
+        if held is not None and shares is self._even:
+            shares = Shares(held.rank)
         k, D = judged_at(k, request.lever), shares.D
         seen = None
         if request.spare:
             seen = self._field.look(
                 q, k, environment.scene, request.objectives,
-                environment.T_world_base, environment.placed,
+                environment.T_world_base, environment.placed, held,
             )  # fmt: skip
         give_way = self._field.give_way(
             seen, request.off_path, request.on_way, request.speed_factor
         )
-        task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares)
+        task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if request.spare:
             plain, J = task.null, k.J if self._own is None else self._own * k.J
@@ -202,7 +207,7 @@ class Resolver:
             if self._priority is not None and near is not None:
                 outside["spheres"] = self._priority.rates(near, plain)
             posture, length = request.objectives.posture, self._section.characteristic_length
-            view = View(q, J, dq, task.null, posture, outside, request.payload, length)
+            view = View(q, J, dq, task.null, posture, outside, request.payload, length, held)
             self_motion = self._redundancy.rate(
                 view, request.objectives, request.speed_factor, D, self._own
             )
@@ -210,14 +215,22 @@ class Resolver:
         limits = ("singularity",) if task.singular else ()
         return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)
 
-    def resolve(self, q: Array, J: Array, twist: Array, lever: Array, shares: Shares) -> Resolved:
+    def resolve(
+        self,
+        q: Array,
+        J: Array,
+        twist: Array,
+        lever: Array,
+        shares: Shares,
+        held: HeldAxes | None = None,
+    ) -> Resolved:
         """Resolve a twist (6,) of the MRF; J (6, n) is at the point that `lever` leads to."""
         if np.count_nonzero(lever) > 0:
             twist = twist_at(twist, lever)
         down, up, (rank, D) = q - self._lower, self._upper - q, shares
         if D is None:
-            return resolve(J, twist, self._section, Travel(down, up), rank)
-        task = resolve(J * D, twist, self._section, Travel(down / D, up / D), rank)
+            return resolve(J, twist, self._section, Travel(down, up), rank, held)
+        task = resolve(J * D, twist, self._section, Travel(down / D, up / D), rank, held)
         return task._replace(dq=D * task.dq)
 
 

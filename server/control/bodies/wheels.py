@@ -109,21 +109,24 @@ class DrivenArm(SerialArm):
             request = request._replace(twist=twist)
         D = self._alone.copy()
         D[self._base] = max(STANDING, part * self._with[0])
-        alone = bool(D[0] == STANDING)
-        shares = Shares(self._ranks[1] if part > 0.0 else self._ranks[0], D)
+        alone, held = bool(D[0] == STANDING), request.held
+        ranks = self._ranks if held is None else held.ranks
+        shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
         found = self._resolver.rates(q, k, request, environment, shares)
         if not alone:
             return found
         dq = found.dq
         dq[self._base] = 0.0
         left = shifted(twist, found.give_way) - k.J @ dq
+        if held is not None:
+            left = held.part(left)
         dq[self._base] = base
         if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
             return found._replace(wheels_commanded=bool(self.synchronized))
         # The arm cannot answer the drive: the base goes no further than the tool allows.
         J = judged_at(k, request.lever).J
-        shares = Shares(self._ranks[1], self.holding_back(base))
-        rest = self._resolver.resolve(q, J, left, request.lever, shares)
+        shares = Shares(ranks[1], self.holding_back(base))
+        rest = self._resolver.resolve(q, J, left, request.lever, shares, held)
         return found._replace(dq=dq + rest.dq, limits=("singularity",))
 
 

@@ -541,6 +541,7 @@ def _of_member(own: Inputs, told: Inputs, held: GraspState, T_payload_mrf: Pose)
         T_wrist_mrf=held.T_wrist_payload @ T_payload_mrf,
         gains=told.settings.gains,
         at_once=told.settings.at_once,
+        held=None,
     )
     return evolve(
         own, settings=settings, stick=None, jog=None, goal=None, view=None, posture=None,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.null_space import PotentialFieldSection
+from ..axes import HeldAxes
 from ..inputs import ObjectiveGains
 from ..joints import Joints
 from ..proximity.capsules import Capsules, Placed
@@ -68,12 +69,13 @@ class Field:
         objectives: ObjectiveGains,
         T_world_base: Pose | None = None,
         placed: Placed | None = None,
+        held: HeldAxes | None = None,
     ) -> FieldView | None:
         """Return what there is to know of the field at q (n,) [rad].
 
         None if nothing follows it, or there is none: neither obstacles nor what acts without them.
         `T_world_base` is where a Base that moves is now, `placed` where links are at q, where that
-        is known already.
+        is known already; `held` which axes the task holds, None for all.
         """
         if objectives.gains["field"] <= 0.0 and self._link is None:
             return None
@@ -83,7 +85,7 @@ class Field:
         if among is not None and self._capsules is not None:
             ends = (placed or self._capsules.place(q[None], T_world_base)).ends[0]
         rest = objectives.posture if self._to_posture else None
-        return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among, rest)
+        return self.flow.look(shape(q, k.J, k.T_world_mrf.p, ends), among, rest, held)
 
     def self_motion(
         self, seen: FieldView | None, null: Array

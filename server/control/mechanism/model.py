@@ -9,7 +9,7 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
-from ..spatial import GRAVITY, Array, Kinematics, Pose
+from ..spatial import GRAVITY, Array, Kinematics, Pose, jacobian_at
 from ..wheels import DifferentialDrive
 
 # --- A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio ------------------
@@ -62,6 +62,8 @@ class Mechanism:
         """The same of the arm alone, on a base that rolls [1]."""
         self.rank = self._reached()
         """How many of a task's axes the chain reaches anywhere: 3 for a planar one [1]."""
+        # Scratch: ranks of tasks that leave axes free, by those and the MRF.
+        self._held_ranks: dict[bytes, tuple[int, int]] = {}
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "Mechanism":
@@ -127,14 +129,42 @@ class Mechanism:
 
     def _reached(self, alone: bool = False) -> int:
         """Return the greatest rank that the Jacobian has at some postures, whatever its point."""
-        draw, most = np.random.default_rng(0), 0
+        return max(_rank(J) for J in self._samples(alone))
+
+    def _samples(self, alone: bool) -> list[Array]:
+        """Return Jacobians of the Wrist at some postures, (6, n), in its own axes."""
+        draw, found = np.random.default_rng(0), []
         for _ in range(_POSTURES):
             q = draw.uniform(-math.pi, math.pi, self.n)
             J = pin.computeFrameJacobian(self.model, self._data, q, self.tip)
             if self.rolling is not None and not alone:
-                J = self.kinematics(q, Pose.identity(), Pose.identity()).J
-            s = np.linalg.svd(J, compute_uv=False)
-            most = max(most, int((s > _REACHED * s[0]).sum()))
+                k = self.kinematics(q, Pose.identity(), Pose.identity())
+                J = _turned(k.T_world_wrist.R.T, k.J)
+            found.append(np.array(J))
+        return found
+
+    def held_ranks(self, held: Array, T_wrist_mrf: Pose) -> tuple[int, int]:
+        """Return how many of the rows that a task holds are reached anywhere [1].
+
+        `held` (6,) is true for those, in the axes of the MRF. Without the base of a mechanism that
+        rolls, and with it.
+        """
+        count = int(np.count_nonzero(held))
+        if self.rank == 6 and self.arm_rank in (0, 6):
+            return count, count
+        at = held.tobytes() + T_wrist_mrf.R.tobytes() + T_wrist_mrf.p.tobytes()
+        found = self._held_ranks.get(at)
+        if found is None:
+            ranks = [self._of_rows(held, T_wrist_mrf, alone) for alone in (True, False)]
+            found = self._held_ranks[at] = ranks[0] if self.rolling else ranks[1], ranks[1]
+        return found
+
+    def _of_rows(self, held: Array, T_wrist_mrf: Pose, alone: bool) -> int:
+        """Return the greatest rank that the rows which are held have at some postures."""
+        most = 0
+        for J_wrist in self._samples(alone):
+            J = _turned(T_wrist_mrf.R.T, jacobian_at(J_wrist, T_wrist_mrf.p))
+            most = max(most, _rank(J[held], float(np.linalg.norm(J))))
         return most
 
     def _placed(self, placement: "pin.SE3", T_world_base: Pose | None) -> Pose:
@@ -144,6 +174,17 @@ class Mechanism:
         if T_world_base is not None:
             return T_world_base @ pose
         return pose if self._base_is_world else self.T_world_base @ pose
+
+
+def _rank(J: Array, size: float = 0.0) -> int:
+    """Return the rank of a Jacobian (m, n), or of its rows where the whole is of a `size`."""
+    s = np.linalg.svd(J, compute_uv=False)
+    return int((s > _REACHED * max(size, *s)).sum()) if len(s) else 0
+
+
+def _turned(R: Array, J: Array) -> Array:
+    """Return a Jacobian (6, n) in axes to which R (3, 3) turns its own."""
+    return np.asarray(np.matmul(R, J.reshape(2, 3, -1)).reshape(J.shape))
 
 
 def at_mrf(T_world_wrist: Pose, J_wrist: Array, T_wrist_mrf: Pose) -> Kinematics:

@@ -9,6 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 
 from ....config.schema.null_space import RedundancySection
+from ..axes import HeldAxes
 from ..compiled import MATRIX, ROW, VECTOR, compiled
 from ..inputs import Payload
 from ..joints import Joints
@@ -46,6 +47,8 @@ class View(NamedTuple):
     """What hangs on the force/torque sensor; None: the URDF's tool."""
     length: float = 1.0
     """Weight of radians against metres [m]."""
+    held: HeldAxes | None = None
+    """Axes that the task holds, of the point that J is at; None: all."""
 
 
 class Objective(ABC):
@@ -185,7 +188,7 @@ class Manipulability(Objective):
 
     def rate(self, view: View) -> Array:
         """Return the slope (n,) of manipulability as joint rates, for a gain of 1 /s."""
-        return manipulability_slope(view.J, self._rank)[1]
+        return manipulability_slope(view.J, self._rank, view.held)[1]
 
 
 # --- Dexterity by singular values: the least, the least by the greatest, along one direction ------
@@ -193,7 +196,7 @@ class Manipulability(Objective):
 # With the singular value decomposition Σ uᵢ σᵢ vᵢᵀ of J, rotations weighed by a length, ∂σᵢ/∂J =
 # uᵢ vᵢᵀ. Where two singular values cross, the least of them has no slope: a norm stands in for it,
 # least = (Σ σᵢ^−p)^(−1/p), which is up to 6^(1/p) less and smooth in J; so for the greatest. Only
-# axes that the mechanism reaches anywhere count (Klein and Blaho 1987).
+# axes that the mechanism reaches anywhere count (Klein and Blaho 1987), and that the task holds.
 #
 # Along a unit vector e the tool goes, its other axes held, at most w = (eᵀ(J Jᵀ)⁻¹e)^(−½) with
 # joint rates of size 1 (Chiu 1988): with y = (J Jᵀ)⁻¹ e, ∂w/∂J = w³ y (Jᵀy)ᵀ. Beside a singularity
@@ -217,7 +220,7 @@ class _Dexterity(Objective):
 
     def rate(self, view: View) -> Array:
         """Return the slope (n,) of the function as joint rates, for a gain of 1."""
-        return slope_of(view.J, self._value_and_slope(view)[1])
+        return slope_of(view.J, self._value_and_slope(view)[1], view.held)
 
     def value(self, view: View) -> float:
         """Return the function that it climbs."""
@@ -225,18 +228,25 @@ class _Dexterity(Objective):
 
     @abstractmethod
     def _value_and_slope(self, view: View) -> tuple[float, Array]:
-        """Return the function f, and ∂f/∂J (6, n)."""
+        """Return the function f, and ∂f/∂J (6, n) of the task's rows."""
+
+    def _rows(self, view: View) -> tuple[Array, int]:
+        """Return the task's rows (6, n), with their slack beside, and how many are reached."""
+        if view.held is None:
+            return view.J, self._rank
+        return view.held.rows(view.J), view.held.rank
 
     def _least(self, view: View, power: int) -> tuple[float, Array]:
         """Return the norm of the singular values that stands for the least, and its ∂/∂J (6, n).
 
         For the greatest with a `power` below zero [m].
         """
-        U, s, Vt = svd(view.J, view.length)
-        sigma = np.maximum(s[: self._rank], _NEAREST)
+        J, rank = self._rows(view)
+        U, s, Vt = svd(J, view.length)
+        sigma = np.maximum(s[:rank], _NEAREST)
         end = sigma[-1] if power > 0 else sigma[0]
         value = end * float(((end / sigma) ** power).sum()) ** (-1.0 / power)
-        F = (U[:, : self._rank] * (value / sigma) ** (power + 1)) @ Vt[: self._rank]
+        F = (U[:, :rank] * (value / sigma) ** (power + 1)) @ Vt[:rank]
         F[3:] *= view.length
         return value, F
 
@@ -265,15 +275,16 @@ class AlongDirection(_Dexterity):
         self._e[:3] = np.array(section.along_direction) / math.hypot(*section.along_direction)
 
     def _value_and_slope(self, view: View) -> tuple[float, Array]:
-        U, s, _ = svd(view.J, view.length)
-        reached = U[:, : self._rank]
+        J, rank = self._rows(view)
+        U, s, _ = svd(J, view.length)
+        reached = U[:, :rank]
         part = reached.T @ self._e
         if float(part @ part) < 1.0 - _SIDEWAYS:  # a planar arm, at an angle to its plane
-            return 0.0, np.zeros(view.J.shape)
-        y = reached @ (part / (s[: self._rank] ** 2 + _DAMPING**2))
+            return 0.0, np.zeros(J.shape)
+        y = reached @ (part / (s[:rank] ** 2 + _DAMPING**2))
         y[3:] *= view.length
         w = float(self._e @ y) ** -0.5
-        return w, w**3 * np.outer(y, view.J.T @ y)
+        return w, w**3 * np.outer(y, J.T @ y)
 
 
 # --- Keep joints near the middle of their range (Scott & Carignan 2008, eqs. 17–19, as a rate) ----

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..axes import HeldAxes
 from ..compiled import (
     ARRAY3,
     FLAG,
@@ -23,7 +24,7 @@ from ..compiled import (
     record,
 )
 from ..scene import Flags, Scene
-from ..spatial import Array
+from ..spatial import Array, rotation_exp
 from .svd import svd
 
 # --- Manipulability and its slope (Scott & Carignan 2008, eqs. 20–21) -----------------------------
@@ -35,6 +36,9 @@ from .svd import svd
 # product of the other singular values, √det on the axes that it reaches, and G the transposed
 # pseudo-inverse: the slope's law is the same while the rank is (Golub and Pereyra 1973). Where
 # it reaches fewer than six axes, w depends on the point that J is about.
+#
+# Of a task that leaves axes free, it is the same of the rows that are held, at the MRF. They turn
+# with the tool: of A = keep J, ∂_k(keep) J = ω_k × A − keep (ω_k × J), for v and ω alike.
 #
 # The derivative of a serial chain's Jacobian is known in closed form: of two joints, the one
 # nearer to the base turns what the other does, ∂_k v_j = ω_min(j,k) × v_max(j,k), and ∂_k ω_j =
@@ -77,11 +81,16 @@ def _solve(J: Array, G: Array) -> float:
     return w
 
 
-def manipulability_slope(J: Array, rank: int = 6) -> tuple[float, Array]:
+def manipulability_slope(
+    J: Array, rank: int = 6, held: HeldAxes | None = None
+) -> tuple[float, Array]:
     """Return w of a chain's Jacobian J (6, n), and ∂w/∂q (n,): joint rates at gain 1.
 
-    `rank` is how many axes the arm reaches anywhere [1].
+    `rank` is how many axes the arm reaches anywhere [1]; `held` which the task holds; None: all.
     """
+    if held is not None:
+        w, G = _solved_where_reached(held.rows(J), held.rank)
+        return w, slope_of(J, w * G, held)
     found = np.zeros(J.shape[1])
     if rank == 6:
         return _climb(J, found), found
@@ -90,11 +99,23 @@ def manipulability_slope(J: Array, rank: int = 6) -> tuple[float, Array]:
     return w, found
 
 
-def slope_of(J: Array, F: Array) -> Array:
-    """Return ∂f/∂q (n,) of a function f of a chain's Jacobian J (6, n), from F = ∂f/∂J (6, n)."""
+def slope_of(J: Array, F: Array, held: HeldAxes | None = None) -> Array:
+    """Return ∂f/∂q (n,) of a function f of a chain's Jacobian J (6, n), from F = ∂f/∂J (6, n).
+
+    Of a function of the rows that are `held`, F (6, n + f) is ∂f/∂rows.
+    """
     found = np.zeros(J.shape[1])
-    _slope(J, 1.0, F, found)
-    return found
+    if held is None:
+        _slope(J, 1.0, F, found)
+        return found
+    G = held.keep @ F[:, : J.shape[1]]
+    _slope(J, 1.0, G, found)
+    return found + J[3:].T @ (_turned_by(held.rows(J), F) - _turned_by(J, G))
+
+
+def _turned_by(J: Array, F: Array) -> Array:
+    """Return ∂f/∂φ (3,) of a function of columns J (6, m) that turn, from F = ∂f/∂J (6, m)."""
+    return np.asarray((np.cross(J[:3].T, F[:3].T) + np.cross(J[3:].T, F[3:].T)).sum(axis=0))
 
 
 def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
@@ -630,10 +651,17 @@ class Potential:
         self._smooth_lines = smooth_lines
         self._rank = rank
 
-    def at(self, here: Shape, scene: Scene | None, rest: Array | None = None) -> Value:
+    def at(
+        self,
+        here: Shape,
+        scene: Scene | None,
+        rest: Array | None = None,
+        held: HeldAxes | None = None,
+    ) -> Value:
         """Return V and −∂V/∂q of a shape in a scene; None: nothing repels its links.
 
         `rest` is q_o (n,) [rad], that the joints' springs pull to; None: the middle of the ranges.
+        `held` are the axes that the task holds, whose manipulability counts; None: all.
         """
         k, rest = self._strengths, self._middle if rest is None else rest
         torque = np.empty(len(here.q))
@@ -641,8 +669,9 @@ class Potential:
         if k.manipulability > 0.0:
             # With all six axes it is the same about any point: what moves the point has
             # determinant one.
-            J = here.screws if self._rank == 6 else screws(here.screws, -here.tool)
-            w, slope = manipulability_slope(J, self._rank)
+            anywhere = self._rank == 6 and held is None
+            J = here.screws if anywhere else screws(here.screws, -here.tool)
+            w, slope = manipulability_slope(J, self._rank, held)
             torque = torque + k.manipulability * slope
             parts["manipulability"] = -k.manipulability * w
         parts["obstacles"] = 0.0
@@ -691,6 +720,8 @@ class FieldView(NamedTuple):
     value: Value
     rest: Array | None = None
     """q_o (n,) [rad]; None: the middle of the ranges."""
+    held: HeldAxes | None = None
+    """Axes that the task holds; None: all."""
 
 
 class FieldFlow:
@@ -703,9 +734,15 @@ class FieldFlow:
         self._body = body
         self._flattest = flattest
 
-    def look(self, here: Shape, scene: Scene | None, rest: Array | None = None) -> FieldView:
+    def look(
+        self,
+        here: Shape,
+        scene: Scene | None,
+        rest: Array | None = None,
+        held: HeldAxes | None = None,
+    ) -> FieldView:
         """Return what there is to know of the field where the arm is, with q_o at `rest` (n,)."""
-        return FieldView(here, scene, self._potential.at(here, scene, rest), rest)
+        return FieldView(here, scene, self._potential.at(here, scene, rest, held), rest, held)
 
     def self_motion(self, seen: FieldView, null: Array) -> tuple[Array, float]:
         """Return the joint rates (n,) [rad/s], at a gain of 1 /s, to the least potential.
@@ -745,7 +782,10 @@ class FieldFlow:
 
     def _ahead(self, seen: FieldView, way: Array) -> FieldView:
         """Look a small way ahead along joint rates (n,)."""
-        return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene, seen.rest)
+        held = seen.held
+        if held is not None:
+            held = held.seen(rotation_exp(LOOK * (seen.here.screws[3:] @ way)))
+        return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene, seen.rest, held)
 
 
 def _lever(at: Shape, direction: Array) -> Array:

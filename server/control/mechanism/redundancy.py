@@ -92,7 +92,8 @@ class Redundancy:
         their own.
         """
         names, gains = self._act(objectives)
-        if not self._spare or not names:
+        spare = self._spare if view.held is None else len(view.null) > 0
+        if not spare or not names:
             return self._none
         n, dq_task, null = len(view.q), view.dq_task, view.null
         asked, dq, norms = np.empty((len(names), n)), np.zeros(n), np.zeros(len(names))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....config.schema.cell import ResolveSection
+from ..axes import HeldAxes
 from ..compiled import COUNT, FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled, inner_kernel, record
 from ..spatial import Array
 from .svd import svd
@@ -79,10 +80,10 @@ def bend(J: Array, a: Array, b: Array, length: float) -> Array:
     `length` [m/rad].
     """
     found, w, v = np.zeros(6), np.zeros(3), np.zeros(3)
-    for j in range(len(a)):
+    for j in range(J.shape[1]):
         for i in range(3):
             v[i] += a[j] * J[i, j]
-    for j in range(len(a)):
+    for j in range(J.shape[1]):
         vx, vy, vz, x, y, z = J[0, j], J[1, j], J[2, j], J[3, j], J[4, j], J[5, j]
         found[3] += length * b[j] * (w[1] * z - w[2] * y)
         found[4] += length * b[j] * (w[2] * x - w[0] * z)
@@ -281,20 +282,25 @@ class Travel(NamedTuple):
         room = np.where(direction > 0.0, self.above, self.below)
         return float((room / np.maximum(np.abs(direction), 1e-9)).min())
 
+    def beside(self, more: int) -> "Travel":
+        """Return that of so many `more` joints, which go as far as they like."""
+        far = np.full(more, math.inf)
+        return Travel(np.concatenate([self.below, far]), np.concatenate([self.above, far]))
+
 
 class Directions(NamedTuple):
     """The weighted Jacobian taken apart, and a command."""
 
     J: Array
-    """The Jacobian (6, n), not weighted."""
+    """The Jacobian (6, n), not weighted; without the slack of a task's rows."""
     length: float
     """Rotations weigh so much [m/rad]."""
     U: Array
-    """Tool directions (6, 6)."""
+    """Tool directions (6, 6); of a task that leaves axes free, what it holds of them."""
     sigma: Array
     """Singular values (6,); zero for directions that the arm never reaches."""
     V: Array
-    """Joint motions (r, n) of the directions that it reaches, the first ones."""
+    """Joint motions (r, n) of the directions that it reaches, the first ones; slack comes last."""
     null: Array
     """Spare motions (n − r, n)."""
     along: Array
@@ -374,7 +380,9 @@ def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayH
 # posture, but for one choice: the side to which an elbow at σ ≈ 0 bends.
 #
 # Some arms never reach some axes: a planar chain moves in three, five joints in five. What is
-# asked along the others is not answered, and does not count as a singularity.
+# asked along the others is not answered, and does not count as a singularity. Nor is what a task
+# leaves free: its rows alone are resolved (`axes.py`), with the slack of those that fade as joints
+# beyond the arm's, which bend nothing.
 
 
 class Resolved(NamedTuple):
@@ -393,29 +401,46 @@ class Resolved(NamedTuple):
 
 
 def resolve(
-    J: Array, twist: Array, p: ResolveSection, travel: Travel | None = None, rank: int | None = None
+    J: Array,
+    twist: Array,
+    p: ResolveSection,
+    travel: Travel | None = None,
+    rank: int | None = None,
+    held: HeldAxes | None = None,
 ) -> Resolved:
     """Resolve a twist (6,) [m/s, rad/s] with a chain's Jacobian J (6, n), same axes and point.
 
     Rotations weigh `p.characteristic_length` metres per radian. `travel` tells which way home from
     a singularity joint limits leave open; `rank` how many axes the arm reaches anywhere, the lesser
-    of 6 and n by default.
+    of 6 and n by default; `held` which axes of the point that J is at the task holds, with `rank`
+    of its rows reached; None: all.
     """
-    length = p.characteristic_length
-    U, s, Vt = svd(J, length)
+    length, n = p.characteristic_length, J.shape[1]
+    if held is not None:
+        twist = held.part(twist)
+    U, s, Vt = svd(J if held is None else held.rows(J), length)
     rank = len(s) if rank is None else rank
+    if rank == 0:
+        return Resolved(np.zeros(n), np.eye(n), math.nan, False)
     sigma_min = float(s[rank - 1])
     along, dq = np.zeros(6), np.zeros(len(Vt))
     _answer(U, s, Vt, twist, length, rank, along, dq)
     # Rows of V belong to real task directions even where σ is small: motion in the null space
     # must not disturb them.
     null = Vt[rank:]
+    if held is not None:
+        dq, null = dq[:n], null[:, :n].copy()
     if sigma_min >= 2.0 * p.singular_region:
         return Resolved(dq, null, sigma_min, False)
     sigma = np.zeros(6)
     sigma[:rank] = s[:rank]
-    found = answer(Directions(J, length, U, sigma, Vt[:rank], null, along), p, travel)
-    return Resolved(found.dq, null, sigma_min, found.singular, found.way_home)
+    if held is not None:
+        U, travel = held.keep @ U, None if travel is None else travel.beside(Vt.shape[0] - n)
+    found = answer(Directions(J, length, U, sigma, Vt[:rank], Vt[rank:], along), p, travel)
+    if held is None:
+        return Resolved(found.dq, null, sigma_min, found.singular, found.way_home)
+    home = None if found.way_home is None else found.way_home[:n]
+    return Resolved(found.dq[:n], null, sigma_min, found.singular, home)
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER, COUNT, ROW, ROW)

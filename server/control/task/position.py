@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.schema.sources import PositionSection
+from ..axes import HeldAxes
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ..inputs import Goal, Inputs, PathGoal, Pursuit, Route, TwistRoute
 from ..spatial import (
@@ -392,15 +393,23 @@ class Leader:
             return Free(T, twist.copy(), np.zeros(6), np.zeros(6), factor)
         return state.path._replace(factor=factor)
 
-    def reached(self, state: PositionState, path: Path | Free, goal: Goal, T: Pose) -> bool:
-        """Return whether what is led, now at T, is at the end of the goal."""
+    def reached(
+        self,
+        state: PositionState,
+        path: Path | Free,
+        goal: Goal,
+        T: Pose,
+        held: HeldAxes | None = None,
+    ) -> bool:
+        """Return whether what is led, now at T, is at the end of the goal in the axes held."""
         if isinstance(goal, Pursuit) or not path.finished:
             return False
         if isinstance(goal, TwistRoute) and state.leg < len(goal.segments):
             return False
         if isinstance(goal, Route) and state.leg + 1 < len(goal.legs):
             return False
-        return within_bounds(pose_error(goal.T_world_target or path.now()[0], T), REACHED)
+        error = pose_error(goal.T_world_target or path.now()[0], T)
+        return within_bounds(error if held is None else held.error(error), REACHED)
 
 
 def within_bounds(error: Array, bounds: tuple[float, float]) -> bool:
@@ -493,7 +502,7 @@ class Position(Source[PositionState]):
         goal, led, ground = context.goal, context.T_wrist_goal, context.ground
         if goal is None:
             return NO_TWIST, NO_GOAL
-        T, twist, lever = context.k.T_world_mrf, context.twist, None
+        T, twist, lever, held = context.k.T_world_mrf, context.twist, None, context.held
         if context.carried is not None:
             twist = twist - context.carried
         if differ(led, context.T_wrist_mrf):
@@ -505,8 +514,8 @@ class Position(Source[PositionState]):
         if ground is not None:
             there = ground.T.R.T
             T, axes = ground.T.inverse() @ T, there @ axes
-            twist = rotate_twist(there, twist)
-        rate, state = self._led(state, goal, T, twist, gain, axes, context.inputs)
+            twist, held = rotate_twist(there, twist), None if held is None else held.seen(there)
+        rate, state = self._led(state, goal, T, twist, gain, axes, context.inputs, held)
         rate = rate if ground is None else rotate_twist(ground.T.R, rate)
         return (rate if lever is None else twist_at(rate, -lever)), state
 
@@ -519,10 +528,12 @@ class Position(Source[PositionState]):
         gain: Array,
         R_axes: Array,
         inputs: Inputs,
+        held: HeldAxes | None,
     ) -> tuple[Array, PositionState]:
         """Return the twist (6,) of the point at T that is led, all seen from the goal's ground.
 
-        `twist_now` (6,) is its commanded twist: a new path starts from it.
+        `twist_now` (6,) is its commanded twist: a new path starts from it. Along axes that are not
+        `held` nothing is asked for.
         """
         factor = inputs.settings.speed_factor
         state, path = self._leader.lead(state, goal, T, twist_now, factor, inputs.paused)
@@ -530,11 +541,13 @@ class Position(Source[PositionState]):
         if isinstance(path, Path):
             twist_path = state.pace * twist_path
         error = pose_error(T_path, T)
+        if held is not None:
+            error = held.error(error)
         rate = np.zeros(6)
         _follow(R_axes, error, twist_path, gain, factor * self._speed, rate)
-        return rate, PositionState(
+        return rate if held is None else held.part(rate), PositionState(
             path,
-            self._leader.reached(state, path, goal, T),
+            self._leader.reached(state, path, goal, T, held),
             state.goal,
             T_path,
             state.leg,

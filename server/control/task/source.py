@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..axes import HeldAxes
 from ..inputs import Goal, Inputs, Intent
 from ..scene import Body
 from ..spatial import Array, Kinematics, Pose
@@ -63,6 +64,8 @@ class Context(NamedTuple):
     """Where the virtual link has the tool off its path (3,) [m]."""
     folding: Array | None = None
     """Twist (6,) of the MRF of an arm that folds as a whole; None for one that does not."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all."""
 
     @property
     def moving(self) -> bool:

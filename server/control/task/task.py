@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from ....config.schema.sources import ScheduleSection, SourcesSection
+from ..axes import FREE_TIME_S, faded
 from ..spatial import Array, Motion, differ, sizes, twist_at, within
 from ..stop.trajectory import VelocityPlanner
 from .following import Following
@@ -197,6 +198,8 @@ class TaskMemory(NamedTuple):
     """The frame and point that the sources' rates of the last tick belonged to."""
     off_path: Array | None = None
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
+    held: Array | None = None
+    """How far the axes of the MRF (6,) are held, from 0, free, to 1; None: all are."""
 
     @property
     def position(self) -> PositionState:
@@ -227,6 +230,7 @@ class Task:
         self._gains = Gains(schedules, shaping.period_s)
         self.part = self._gains.part
         """Share of the way to a new gain that is gone in one period [1]."""
+        self._fading = shaping.period_s / FREE_TIME_S
         self._advancing = tuple(
             (name, source)
             for name, source in self._sources.items()
@@ -243,15 +247,20 @@ class Task:
         quantities: Callable[[], Quantities],
         moving: bool,
         at_once: tuple[str, ...] = (),
+        held: Array | None = None,
     ) -> TaskMemory:
         """Return the memory with the gains in effect: scheduled, and ramped while moving.
 
-        Those of the sources `at_once` fall without a ramp.
+        Those of the sources `at_once` fall without a ramp. `held` (6,) are the axes that the task
+        is to hold, 1 for held and 0 for free; None: all.
         """
         gains = self._gains.scheduled(target, quantities)
         if moving and memory.gains.keys() == gains.keys():
             gains = self._gains.ramped(memory.gains, gains, at_once)
-        return memory if gains is memory.gains else memory._replace(gains=gains)
+            held = faded(memory.held, held, self._fading)
+        if gains is memory.gains and held is memory.held:
+            return memory
+        return memory._replace(gains=gains, held=held)
 
     def twists(self, memory: TaskMemory, context: Context) -> tuple[TaskMemory, dict[str, Array]]:
         """Return each source's twist (6,) in World axes, and last the ground's own motion.
@@ -292,7 +301,8 @@ class Task:
                 memory.feedforward, context.carried, jump, context.lever
             )
         twists[FRAMES] = frames
-        return TaskMemory(states, gains, feedforward, about, memory.off_path), twists
+        off_path, held = memory.off_path, memory.held
+        return TaskMemory(states, gains, feedforward, about, off_path, held), twists
 
     def orders(self, twists: Mapping[str, Array]) -> bool:
         """Return whether any of the twists (6,) is an operator's or a device's wish to move."""
@@ -312,7 +322,8 @@ class Task:
         states = dict(memory.states)
         for name, source in self._advancing:
             states[name] = source.advance(states[name], granted)
-        return TaskMemory(states, memory.gains, memory.feedforward, memory.about, off_path)
+        feedforward, about = memory.feedforward, memory.about
+        return TaskMemory(states, memory.gains, feedforward, about, off_path, memory.held)
 
     def _jump(
         self,

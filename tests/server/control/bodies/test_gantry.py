@@ -6,6 +6,7 @@ from telerobot.config.load import ConfigError, altered, load_cell
 from telerobot.protocols.messages.messages import Drive
 from telerobot.server.commands.commands import drive_commands
 from telerobot.server.control.arm import Arm
+from telerobot.server.control.axes import HeldAxes, holding
 from telerobot.server.control.bodies.body import Environment, RateRequest
 from telerobot.server.control.inputs import DriveRequest
 from telerobot.server.control.spatial import Pose
@@ -50,6 +51,17 @@ def test_the_rails_share_the_work_of_a_tool_by_their_weight(rates, relative_to_b
     task = found.dq - found.self_motion.dq
     assert task == pytest.approx(D @ np.linalg.pinv(J @ D) @ twist, abs=1e-9)
     assert J @ found.dq == pytest.approx(twist, abs=1e-12)
+
+
+def test_rails_make_up_for_nothing_along_an_axis_that_the_task_leaves_free(rates, arm):
+    """Driven, while the tool is asked to turn about an axis that is free: the arm is not short."""
+    k = arm.mechanism.kinematics(BENT, arm.p.T_wrist_tool)
+    axes = HeldAxes.of(holding(("rz",)), k.T_world_mrf.R, (5, 5))
+    twist = np.array([0.0, 0.02, 0.0, *(0.5 * k.T_world_mrf.R[:, 2])])
+    J, found = rates(twist, drive=DriveRequest(0.2, turn=-0.1), held=axes)
+    assert found.dq[:3] == pytest.approx([0.2, -0.1, 0.0], abs=1e-12)
+    assert axes.part(J @ found.dq) == pytest.approx(axes.part(twist), abs=1e-9)
+    assert "singularity" not in found.limits
 
 
 def test_rails_that_are_driven_go_as_told_and_the_arm_keeps_the_tool_in_world(rates):
