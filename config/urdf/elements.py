@@ -76,10 +76,12 @@ _ONCE: Final = frozenset((*_RULES, "inertial", "geometry", "parent", "child"))
 SHAPES: Final = ("box", "cylinder", "sphere", "capsule", "mesh")
 
 
-def check_elements(root: ET.Element, urdf: Path) -> None:
+def check_elements(
+    root: ET.Element, urdf: Path, kinds: tuple[str, ...] = ("link", "joint")
+) -> None:
     """Raise `ConfigError`, with file, link or joint, and value, for what a parser would drop."""
     wrong: list[str] = []
-    for kind in ("link", "joint"):
+    for kind in kinds:
         names: set[str | None] = set()
         for part in root.findall(kind):
             name = part.get("name")

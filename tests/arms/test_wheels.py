@@ -107,6 +107,13 @@ def test_a_wheel_whose_axis_cannot_be_read_is_refused(tmp_path, axis, told):
         base(write_rover(tmp_path, (LEFT._replace(axis=axis), RIGHT)))
 
 
+def test_wheels_are_found_beside_a_link_whose_inertia_no_body_can_have(tmp_path):
+    urdf = write_rover(tmp_path)
+    assert 'mass value="0.3"/><inertia ixx="0.003"' in urdf.read_text()
+    urdf.write_text(urdf.read_text().replace('<inertia ixx="0.003"', '<inertia ixx="3"'))
+    assert isinstance(base(urdf), Wheels)
+
+
 def test_an_arm_that_stands_has_no_base(tmp_path, odd):
     assert base(write_rover(tmp_path, ())) is None
     assert base(odd.write()) is None

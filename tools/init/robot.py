@@ -343,10 +343,10 @@ def carried_by(root: ET.Element, link: str) -> set[str]:
     return found
 
 
-def carried_mass(arm: UrdfArm) -> float:
-    """Return the mass of all links that the arm's joints move [kg]."""
+def carried_mass(arm: UrdfArm, link: str = "") -> float:
+    """Return the mass of a link and all that it carries, or of what the arm's joints move [kg]."""
     estimated = {given.link: given.mass for given in arm.inertials}
-    moved, waiting = 0.0, [end_of(arm.chain[0], "child")]
+    moved, waiting = 0.0, [link or end_of(arm.chain[0], "child")]
     masses = {link.get("name", ""): link.find("inertial/mass") for link in arm.root.findall("link")}
     while waiting:
         name = waiting.pop()

@@ -1,6 +1,5 @@
 """A base that `init` finds: two driven wheels on one axle, or why what carries the arm is held."""
 
-import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ from ...config.urdf.elements import check_elements
 from ...config.urdf.robot import ALONG_AXLE
 from .capsules import Array, link_shape, placement
 from .draft import QUICKEST, STRONGEST, DriveDraft, Wheels, limit_of
-from .robot import UrdfArm, carried_by, end_of, is_wheel, movable, moves
+from .robot import LinkTree, UrdfArm, carried_by, carried_mass, end_of, is_wheel, movable, moves
 
 LIKE: Final = 0.01  # radii that differ by more of one are two, and places of the track [1]
 AT_FLOOR: Final = 0.1  # a wheel's rim is on the root's floor within this part of its radius [1]
@@ -50,7 +49,7 @@ def base_of(arms: Sequence[UrdfArm], packages: Mapping[str, Path]) -> Wheels | s
     arm that stands. Raises `ConfigError` for numbers and meshes that cannot be read.
     """
     arm = arms[0]
-    check_elements(arm.root, arm.urdf)
+    check_elements(arm.root, arm.urdf, ("joint",))
     wheels = _wheels(arm, packages)
     kinds = (
         ("(planar)",)
@@ -107,7 +106,7 @@ def _checked(arm: UrdfArm, left: _Wheel, right: _Wheel) -> Wheels | str:
     height = radius - float(middle[2])
     if abs(height) <= LIKE * radius:
         height = 0.0
-    mass = _mass(arm)
+    mass = carried_mass(arm, LinkTree(arm.root).roots[0])
     drives = _drive(left.joint, radius, mass), _drive(right.joint, radius, mass)
     rim = radius * min(drive.velocity for drive in drives)
     speed = min(SPEED[0], STRAIGHT * rim)
@@ -143,12 +142,7 @@ def _wheels(arm: UrdfArm, packages: Mapping[str, Path]) -> list[_Wheel]:
 def _on_chassis(arm: UrdfArm) -> Iterator[tuple[ET.Element, Array, Array]]:
     """Yield joints on the root link, or on links held on it, with attitude and place in it."""
     joints = arm.root.findall("joint")
-    children = {end_of(joint, "child") for joint in joints}
-    waiting = [
-        (link.get("name", ""), np.eye(3), np.zeros(3))
-        for link in arm.root.findall("link")
-        if link.get("name") not in children
-    ]
+    waiting = [(LinkTree(arm.root).roots[0], np.eye(3), np.zeros(3))]
     standing = {told.rsplit(" (", 1)[0] for told in arm.standing}
     while waiting:
         link, R, p = waiting.pop()
@@ -203,17 +197,6 @@ def _drive(joint: ET.Element, radius: float, mass: float) -> DriveDraft:
         torque = float(f"{3.0 * needed + 0.5:.2g}")
     acceleration = max(0.05, min(acceleration, 0.33 * torque / (1.3 * inertia + 5e-3)))
     return DriveDraft(name, False, velocity, acceleration, torque, notes=notes, rolls=True)
-
-
-def _mass(arm: UrdfArm) -> float:
-    """Return the mass of all links [kg]."""
-    estimated = {given.link: given.mass for given in arm.inertials}
-    masses = [
-        estimated.get(link.get("name", ""), float("0" if told is None else told.get("value", "0")))
-        for link in arm.root.findall("link")
-        for told in [link.find("inertial/mass")]
-    ]
-    return math.fsum(masses)
 
 
 def _of_a_caster(arm: UrdfArm, joint: ET.Element) -> bool:
