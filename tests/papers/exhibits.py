@@ -4,8 +4,9 @@ from .chirikjian import CHIRIKJIAN
 from .exhibit import Exhibit, Paper
 from .hamaguchi import HAMAGUCHI
 from .scott import SCOTT
+from .zhang import ZHANG
 
-PAPERS: tuple[Paper, ...] = (SCOTT, HAMAGUCHI, CHIRIKJIAN)
+PAPERS: tuple[Paper, ...] = (SCOTT, HAMAGUCHI, ZHANG, CHIRIKJIAN)
 
 EXHIBITS: dict[str, Exhibit] = {
     name: exhibit for paper in PAPERS for name, exhibit in paper.exhibits.items()

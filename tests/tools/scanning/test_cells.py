@@ -6,30 +6,8 @@ as seen from ahead, and false where the bridge does not reach into it.
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from laboratory.papers.rover import FOOT, Rover, found_and_false
 from telerobot.config.schema.rig import RigBridgeSection
-
-from .drive import Rover
-
-FOOT = (0.2, 0.5)
-"""Of the arm: ahead of the base's middle, above the floor [m]."""
-
-
-def filled(bridge: RigBridgeSection) -> NDArray[np.float64]:
-    """Return the share of each of 20 times 40 cells that a straight bridge fills."""
-    y, z = np.meshgrid((np.arange(400) + 0.5) * 0.005 - 1.0, (np.arange(200) + 0.5) * 0.005)
-    half, under = 0.5 * bridge.width, bridge.height - FOOT[1]
-    outer = np.abs(y) < half + bridge.side
-    pillar = (np.abs(y) > half) & outer & (z < under + bridge.side)
-    beam = (z > under) & (z < under + bridge.side) & outer
-    return (pillar | beam).reshape(20, 10, 40, 10).mean(axis=(1, 3))
-
-
-def found_and_false(rover: Rover, bridge: RigBridgeSection) -> tuple[float, int]:
-    """Return the share of filled cells that were found, and how many were found where none is."""
-    occupied, share = ~np.isnan(rover.newest.contour.nearest), filled(bridge)
-    full = share > 0.999
-    return np.count_nonzero(occupied & full) / full.sum(), np.count_nonzero(occupied & (share == 0))
 
 
 @pytest.mark.parametrize(("height", "width"), [(0.95, 1.4), (1.0, 1.25)])

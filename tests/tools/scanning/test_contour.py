@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laboratory.papers.lwa3 import PLANE, START, search, touched
 from numpy.typing import NDArray
 from telerobot.server.perception.scanning.contour import (
     Contour,
@@ -17,8 +18,6 @@ from telerobot.server.perception.scanning.contour import (
 )
 from telerobot.server.perception.scanning.placing import PointMemory
 
-from .lwa3 import PLANE, START, search
-
 Array = NDArray[np.float64]
 
 
@@ -26,19 +25,6 @@ def test_shoulder_elbow_and_tool_of_the_papers_posture_are_in_its_cells(tmp_path
     shoulder, elbow, *_, tool = search(tmp_path).points.of(START[None])[0]
     cells = [PLANE.cell_of(p[1], p[2]) for p in (shoulder, elbow, tool)]
     assert [(i + 1, j + 1) for i, j in cells] == [(7, 21), (11, 21), (18, 21)]
-
-
-def touched(start: Array, end: Array) -> NDArray[np.bool_]:
-    """Cells that points of a segment are in, looked at a tenth of a cell apart; eq. 12."""
-    found = np.zeros((22, 42), dtype=bool)
-    for t in np.linspace(0, 1, 10 * int(np.ceil(np.linalg.norm(end - start) / 0.05)) + 1):
-        y, z = start + t * (end - start)
-        i, j = int(np.floor(z / 0.05 + 1e-9)), int(np.floor((y + 1) / 0.05 + 1e-9))
-        for di in (0, 1, 2):
-            for dj in (0, 1, 2):
-                if 0 <= i + di < 22 and 0 <= j + dj < 42:
-                    found[i + di, j + dj] = True
-    return found[1:-1, 1:-1]
 
 
 def test_forbidden_cells_are_those_of_a_grid_ten_times_as_fine(tmp_path: Path) -> None:

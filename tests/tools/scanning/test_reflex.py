@@ -4,27 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from laboratory.papers.lwa3 import PLANE, START, bridge, search
 from telerobot.server.perception.scanning.contour import Contour, Obstacles, clearance
 from telerobot.server.perception.scanning.reflex import PassagePhase, PassageReflex, Search
-
-from .lwa3 import PLANE, START, search
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Search:
     return search(tmp_path_factory.mktemp("lwa3"))
-
-
-def bridge(height: float, ahead: float, width: float = 1.4, y: float = 0.0) -> Obstacles:
-    """Occupied cells of a bridge with beam and pillars of 100 mm, 100 mm thick."""
-    rows, columns = PLANE.shape
-    j, i = np.meshgrid(np.arange(columns), np.arange(rows))
-    off, z = np.abs((j + 0.5) * 0.05 - 1.0 - y), (i + 0.5) * 0.05
-    beam = (z > height) & (z < height + 0.1) & (off < width / 2 + 0.1)
-    pillar = (off > width / 2) & (off < width / 2 + 0.1) & (z < height + 0.1)
-    filled = np.where(beam | pillar, ahead, np.nan)
-    behind = filled if ahead > -0.4 else np.full_like(filled, np.nan)
-    return Obstacles.of(Contour(behind, behind + 0.1), PLANE)
 
 
 @pytest.mark.parametrize("height", [0.45, 0.5, 0.6])

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
+from laboratory.papers.rover import Rover
 from telerobot.config.schema.rig import BoxSection, RigPersonSection
-
-from .drive import Rover
 
 SPEED = 0.2
 SLIPS_S = 2.5

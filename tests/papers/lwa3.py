@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 from telerobot.config.load import Cell, load_cell
-from telerobot.server.perception.scanning.contour import CellPlane
+from telerobot.server.control.scene import Flags
+from telerobot.server.control.spatial import Array
+from telerobot.server.perception.scanning.contour import CellPlane, Contour, Obstacles
 from telerobot.server.perception.scanning.reflex import CriticalPoints, Reach, Search
 
 PLANE = CellPlane()
@@ -50,3 +52,28 @@ def cell(folder: Path) -> Cell:
 
 def search(folder: Path) -> Search:
     return Search(CriticalPoints(cell(folder), "j2", "j4"), PLANE, REACH)
+
+
+def bridge(height: float, ahead: float, width: float = 1.4, y: float = 0.0) -> Obstacles:
+    """Occupied cells of a bridge with beam and pillars of 100 mm, 100 mm thick."""
+    rows, columns = PLANE.shape
+    j, i = np.meshgrid(np.arange(columns), np.arange(rows))
+    off, z = np.abs((j + 0.5) * 0.05 - 1.0 - y), (i + 0.5) * 0.05
+    beam = (z > height) & (z < height + 0.1) & (off < width / 2 + 0.1)
+    pillar = (off > width / 2) & (off < width / 2 + 0.1) & (z < height + 0.1)
+    filled = np.where(beam | pillar, ahead, np.nan)
+    behind = filled if ahead > -0.4 else np.full_like(filled, np.nan)
+    return Obstacles.of(Contour(behind, behind + 0.1), PLANE)
+
+
+def touched(start: Array, end: Array) -> Flags:
+    """Cells that points of a segment are in, looked at a tenth of a cell apart; eq. 12."""
+    found = np.zeros((22, 42), dtype=bool)
+    for t in np.linspace(0, 1, 10 * int(np.ceil(np.linalg.norm(end - start) / 0.05)) + 1):
+        y, z = start + t * (end - start)
+        i, j = int(np.floor(z / 0.05 + 1e-9)), int(np.floor((y + 1) / 0.05 + 1e-9))
+        for di in (0, 1, 2):
+            for dj in (0, 1, 2):
+                if 0 <= i + di < 22 and 0 <= j + dj < 42:
+                    found[i + di, j + dj] = True
+    return found[1:-1, 1:-1]

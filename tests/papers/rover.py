@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 PERIOD_S = 0.01
 RADIUS = 0.12
 """Of its wheels [m]."""
+FOOT = (0.2, 0.5)
+"""Of the arm: ahead of the base's middle, above the floor [m]."""
 
 
 class Rover:
@@ -46,7 +48,10 @@ class Rover:
         self.data = mujoco.MjData(self.model)
         self.finder = Rangefinder(self.cell, self.model, self.data)
         self.scanning = Scanning(self.cell)
-        self.sweep = config.mechanism.sweep
+        axis = config.mechanism.sweep
+        if axis is None:
+            raise ValueError("the cell's scanner does not sweep")
+        self.sweep = axis
         if sweep is not None:
             self.sweep = self.sweep.model_copy(
                 update=dict(zip(("low", "high"), sweep, strict=True))
@@ -130,7 +135,28 @@ class Rover:
     def clearance(self) -> float:
         """Return the true distance of arm and base from the bridge, at most 1 [m]."""
         return min(
-            mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None)
+            float(mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None))
             for a in self.arm
             for b in self.bridge
         )
+
+
+def filled(bridge: RigBridgeSection) -> Array:
+    """Return the share of each of 20 times 40 cells that a straight bridge fills."""
+    y, z = np.meshgrid((np.arange(400) + 0.5) * 0.005 - 1.0, (np.arange(200) + 0.5) * 0.005)
+    half, under = 0.5 * bridge.width, bridge.height - FOOT[1]
+    outer = np.abs(y) < half + bridge.side
+    pillar = (np.abs(y) > half) & outer & (z < under + bridge.side)
+    beam = (z > under) & (z < under + bridge.side) & outer
+    found: Array = (pillar | beam).reshape(20, 10, 40, 10).mean(axis=(1, 3))
+    return found
+
+
+def found_and_false(rover: Rover, bridge: RigBridgeSection) -> tuple[float, int]:
+    """Return the share of filled cells that were found, and how many were found where none is."""
+    if rover.newest is None or rover.newest.contour is None:
+        raise ValueError("nothing was seen yet")
+    occupied, share = ~np.isnan(rover.newest.contour.nearest), filled(bridge)
+    full = share > 0.999
+    seen, false = np.count_nonzero(occupied & full), np.count_nonzero(occupied & (share == 0))
+    return float(seen / full.sum()), int(false)

@@ -1,0 +1,347 @@
+"""Zhang et al. 2013: an arm on wheels that sees a bridge, folds, and drives through below."""
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from telerobot.config.load import load_cell
+from telerobot.config.schema.rig import RigBridgeSection
+from telerobot.server.control.arm import Arm
+from telerobot.server.control.bodies.body import Environment, RateRequest
+from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.scene import Flags
+from telerobot.server.control.spatial import Array, Pose, pose_error, rotation_rpy, sizes
+from telerobot.server.control.wheels import DifferentialDrive, Rolled
+from telerobot.server.perception.scanning.contour import crossed
+from telerobot.server.perception.scanning.reflex import CriticalPoints
+
+from .exhibit import Exhibit, Paper, Shown, at_least, at_most, near, recalled
+from .lwa3 import PLANE, START, bridge, search, touched
+from .rover import FOOT, Rover, filled, found_and_false
+from .runs import run
+from .style import BOUND, COLOURS, PRINTED, above, label, panels, svg
+
+ROVER, SCANNING = "rover", "rover_bridge"
+ROLLING: Final = DifferentialDrive(radius=0.12, track=0.5)
+"""The base of the cell `rover`."""
+K, STEP_S, STEPS = 1.0, 1e-3, 1000
+HEIGHT_M, STUCK_M = 0.60, 0.65
+"""Undersides of bridges below which the printed order leads through, and to and fro [m]."""
+
+
+# --- Equations 1 to 8: a base and an arm as one ---------------------------------------------------
+
+
+def worst_column(postures: int) -> float:
+    """Return the greatest difference of J_n from finite differences of the tool's pose."""
+    cell = load_cell(ROVER)
+    mechanism, draw, h, worst = Mechanism.from_cell(cell), np.random.default_rng(1), 1e-5, 0.0
+    T_wrist_mrf = Pose(rotation_rpy(0.3, -0.2, 0.5), np.array([0.05, -0.02, 0.14]))
+    low = [max(joint.lower, -3.0) for joint in cell.robot.joints]
+    high = [min(joint.upper, 3.0) for joint in cell.robot.joints]
+    for _ in range(postures):
+        q = draw.uniform(low, high)
+        T = Pose(rotation_rpy(0.0, 0.0, draw.uniform(-3.0, 3.0)), draw.uniform(-5.0, 5.0, 3))
+        J = mechanism.kinematics(q, T_wrist_mrf, T).J
+
+        def pose(there: Array, q: Array = q, T: Pose = T) -> Pose:
+            base = ROLLING.roll(Rolled.at(T, q[:2]), there[:2])
+            return mechanism.pose_wrist(there, base) @ T_wrist_mrf
+
+        for j, step in enumerate(h * np.eye(9)):
+            slope = pose_error(pose(q + step), pose(q - step)) / (2.0 * h)
+            worst = max(worst, float(np.abs(J[:, j] - slope).max()))
+    return worst
+
+
+def errors(arm: Arm, ahead_m: float, sign: float = 1.0) -> Array:
+    """Return the tool's error (1 + steps, 2) [m, rad] by eq. 8, its error term times `sign`."""
+    mrf = arm.p.T_wrist_tool
+    q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
+    base = Rolled.at(Pose.identity(), q[:2])
+    target = arm.mechanism.pose_wrist(q, base) @ mrf
+    away = target.p + np.array([ahead_m, 0.1 * ahead_m, 0.0])
+    target = Pose(rotation_rpy(0.2, 0.1, -0.2) @ target.R, away)
+    found = []
+    for i in range(STEPS + 1):
+        k = arm.mechanism.kinematics(q, mrf, base)
+        e = pose_error(target, k.T_world_mrf)
+        found.append(sizes(e))
+        if i == STEPS:
+            break
+        request = RateRequest(sign * K * e, np.zeros(3), arm.redundancy.objectives, 1.0, spare=True)
+        q = q + STEP_S * arm.body.rates(q, k, request, Environment(T_world_base=base)).dq
+        base = ROLLING.roll(base, q[:2])
+    return np.array(found)
+
+
+def kinematics() -> Shown:
+    """Show the tool's error by eq. 8, with the sign that is needed and with the printed one."""
+    arm = Arm.of(load_cell(ROVER))
+    t = STEP_S * np.arange(STEPS + 1)
+    added, subtracted = errors(arm, 0.3), errors(arm, 0.3, -1.0)
+    figure, (left, right) = panels(1, 2, 2.9)
+    for ax, column, unit, name in ((left, 0, "m", "position"), (right, 1, "rad", "attitude")):
+        ax.plot(t, added[:, column], color=COLOURS[0], label="telerobot: K e added")
+        ax.plot(t, subtracted[:, column], color=COLOURS[1], label="K e subtracted, as printed")
+        ax.plot(t[::50], added[0, column] * np.exp(-K * t[::50]), **PRINTED, label="exp(−K t)")
+        label(ax, "time [s]", f"error [{unit}]", name)
+        ax.set_ylim(bottom=0.0)
+    above(figure, left)
+    decay, growth = added[-1] / added[0], subtracted[-1] / subtracted[0]
+    return Shown(
+        [
+            at_most("J_n from finite differences, 30 postures", worst_column(30), "0", 1e-8),
+            near("position error left after 1 s", float(decay[0]), math.exp(-1.0), 0.007),
+            near("attitude error left after 1 s", float(decay[1]), math.exp(-1.0), 0.007),
+            at_least("position error after 1 s, sign as printed", float(growth[0]), "decays", 2.0),
+        ],
+        svg(figure),
+    )
+
+
+# --- Figures 6 and 7: cells that the arm's lines forbid, and the printed order --------------------
+
+
+def _grid(ax: Axes, cells: Flags, colour: str, strength: float) -> None:
+    shown = np.where(cells, 1.0, np.nan)
+    ax.grid(False)
+    ax.imshow(
+        shown, origin="lower", extent=(-1.0, 1.0, 0.0, 1.0), cmap=ListedColormap([colour]),
+        alpha=strength, interpolation="nearest", aspect="equal", vmin=0.0, vmax=1.0,
+    )  # fmt: skip
+
+
+def printed_order(height_m: float, most: int) -> tuple[CriticalPoints, list[Array]]:
+    """Return the postures (7,) that F1, F2, F3 lead to, one after the other, below a bridge."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = search(Path(folder))
+    obstacles, postures = bridge(height_m, 1.5), [START]
+    for _ in range(most):
+        answer = found.sequence(postures[-1], obstacles)
+        if answer.q is None or answer.q is postures[-1]:
+            break
+        postures.append(answer.q)
+    return found.points, postures
+
+
+def bridge_cells(height_m: float) -> Flags:
+    """Return the cells that the bridge of `lwa3.bridge` fills."""
+    rows, columns = PLANE.shape
+    z = np.arange(rows)[:, None] * 0.05 + 0.025
+    off = np.abs(np.arange(columns)[None] * 0.05 + 0.025 - 1.0)
+    beam = (z > height_m) & (z < height_m + 0.1) & (off < 0.8)
+    pillar = (off > 0.7) & (off < 0.8) & (z < height_m + 0.1)
+    found: Flags = beam | pillar
+    return found
+
+
+def order() -> Shown:
+    """Show the forbidden cells, and the postures that the printed order leads to."""
+    critical, postures = printed_order(HEIGHT_M, 6)
+    occupied = bridge_cells(HEIGHT_M)
+    figure, axes = panels(1, len(postures), 2.0, sharey=True)
+    counts, heights, wrong = [], [], 0
+    for ax, q, name in zip(axes, postures, ("posture of eq. 15", "then", "then"), strict=False):
+        shoulder, elbow, *_, tool = critical.of(q[None])[0]
+        _grid(ax, occupied, "#9aa4ae", 1.0)
+        count = 0
+        for (a, b), colour in zip(
+            ((shoulder, tool), (shoulder, elbow), (elbow, tool)), COLOURS, strict=False
+        ):
+            area = crossed(a[1:], b[1:], PLANE)
+            wrong += int(np.count_nonzero(area != touched(a[1:], b[1:])))
+            count += int(np.count_nonzero(area & occupied))
+            _grid(ax, area, colour, 0.5)
+        line = np.array([shoulder, elbow, tool])[:, 1:]
+        ax.plot(*line.T, color="black", marker="o", ms=3, lw=1.2)
+        counts.append(count)
+        heights.append((elbow[2], tool[2]))
+        label(ax, "y [m]", "z [m]" if ax is axes[0] else "", name)
+    for name, colour in zip(("F₁", "F₂", "F₃"), COLOURS, strict=False):
+        axes[0].plot([], [], "s", color=colour, alpha=0.5, label=name)
+    above(figure, axes[0])
+    circle = printed_order(STUCK_M, 3)[1]
+    first, last = (critical.of(postures[k][None])[0] for k in (0, -1))
+    cells = [PLANE.cell_of(x[1], x[2]) for x in (first[0], first[1], first[-1])]
+    numbers = [
+        at_most("cells of F₁ to F₃ unlike a grid ten times as fine", wrong, "0", 0),
+        *(
+            near(f"row of the {name}, posture of eq. 15", cells[k][0] + 1, row, 0)
+            for k, (name, row) in enumerate((("shoulder", 7), ("elbow", 11), ("tool", 18)))
+        ),
+        at_least("cells of E that interfere, posture of eq. 15", counts[0], "≠ 0", 1),
+        at_most("cells of E that interfere at the end", counts[-1], "0", 0),
+        recalled("tool at first", heights[0][1], "above the bridge", 0.882, 2e-3, "m"),
+        at_most("tool after the first step", heights[1][1], "below the bridge", HEIGHT_M, "m"),
+        at_least("elbow after the first step", heights[1][0], "later than the tool", HEIGHT_M, "m"),
+        at_most("elbow at the end", float(last[1, 2]), "below the bridge", HEIGHT_M, "m"),
+        at_most(
+            "from the first to the third posture, bridge at 0.65 m",
+            float(np.abs(circle[3] - circle[1]).max()), "not told", 1e-9, "rad",
+        ),
+    ]  # fmt: skip
+    return Shown(numbers, svg(figure))
+
+
+# --- Figures 8 to 11: the scanner, and an arm in its view -----------------------------------------
+
+
+def contour() -> Shown:
+    """Show what the scanner makes of a bridge that the arm hides in part."""
+    made = RigBridgeSection(height=0.95, width=1.4, distance=1.0 + FOOT[0])
+    rover = Rover(made, start=(0.0, 0.9, 0.0, 1.2, 0.0, 0.0, 0.0), sweep=(-1.3, 0.5))
+    q, rays = rover.q.copy(), []
+    for _ in range(410):
+        before = rover.newest
+        rover.step()
+        rover.q[2:-1] = q[2:-1]  # it stays where it is, whatever would fit
+        looked = rover.newest
+        if looked is not None and looked is not before:
+            angle = looked.scan.first_rad + looked.scan.step_rad * np.arange(len(looked.own))
+            hits = np.abs(looked.points[:, 0] - made.distance) < 0.15
+            hits &= looked.points[:, 2] > FOOT[1]
+            rays.append(np.stack((angle, np.full_like(angle, rover.q[-1]), hits, looked.own)))
+    share, false = found_and_false(rover, made)
+    angle, tilt, hits, own = np.concatenate(rays, axis=1)
+    assert rover.newest is not None
+    assert rover.newest.contour is not None
+    figure, (left, right) = panels(1, 2, 2.6)
+    for chosen, colour, name in (
+        (hits > 0.0, COLOURS[0], "rays on the bridge"),
+        (own > 0.0, COLOURS[1], "rays on the arm, dropped"),
+    ):
+        some = np.flatnonzero(chosen)[:: max(1, int(chosen.sum()) // 700)]
+        left.plot(
+            np.degrees(angle[some]), np.degrees(tilt[some]), ".", color=colour, ms=2, label=name
+        )
+    _grid(right, filled(made) > 0.0, "#c3cad1", 1.0)
+    i, j = np.nonzero(~np.isnan(rover.newest.contour.nearest))
+    right.plot(0.05 * j - 0.975, 0.05 * i + 0.025, "s", color=COLOURS[0], ms=2.2)
+    label(left, "ray [°]", "tilt, up is less [°]", "figure 9: raw rays")
+    label(right, "y [m]", "z [m]", "figure 11: contour")
+    left.set(xlim=(30.0, 150.0))
+    left.invert_yaxis()
+    above(figure, left)
+    return Shown(
+        [
+            at_least("share of the bridge's cells that are found", share, "“original look”", 0.95),
+            at_most("cells found where nothing is", false, "0", 0),
+            at_least("rays that hit the arm and are dropped", int(own.sum()), "“a lot”", 1000),
+        ],
+        svg(figure),
+    )  # fmt: skip
+
+
+# --- Figures 12 to 15: the bridge is passed -------------------------------------------------------
+
+
+def passage() -> Shown:
+    """Show heights, ways and distances of the arm under the bridge."""
+    cell = load_cell(SCANNING)
+    section, rig = cell.config.contour, cell.config.rig
+    assert section is not None
+    assert rig is not None
+    assert rig.bridge is not None
+    under, beyond = rig.bridge.height, rig.bridge.distance
+    found, off = run(cell, "bridge"), run(cell, "bridge_off")
+    critical = CriticalPoints(cell, section.shoulder, section.elbow, section.foot)
+    q = np.array([truth.q for truth in found.truths])
+    points = critical.of(q[:, critical.arm])
+    x = np.array([truth.frames["base"][0] for truth in found.truths])
+    elbow, tool = points[:, 1] + section.foot, points[:, -1] + section.foot
+    figure, (left, middle, right) = panels(1, 3, 2.9)
+    for place, colour, name in ((tool, COLOURS[0], "tool"), (elbow, COLOURS[1], "elbow")):
+        left.plot(found.times, place[:, 2], color=colour, label=name)
+        middle.plot(x + place[:, 0], place[:, 2], color=colour)
+    left.axhline(under, **BOUND, label="underside of the bridge")
+    middle.fill_between(
+        (beyond, beyond + rig.bridge.thickness), under, under + rig.bridge.side, color="#9aa4ae"
+    )
+    label(left, "time [s]", "height [m]", "figure 13")
+    label(middle, "x [m]", "height [m]", "figure 14, from the side")
+    for ran, colour, name in ((found, COLOURS[2], "telerobot"), (off, "0.65", "without")):
+        gaps = [1.0 if t.clearance_m is None else t.clearance_m for t in ran.truths]
+        right.plot(ran.times, gaps, color=colour, label=name)
+    label(right, "time [s]", "distance [m]", "figure 15, housings")
+    right.set_ylim(bottom=0.0)
+    right.legend()
+    above(figure, left)
+    gap, hit = found.summary["min_clearance_m"], off.summary["min_clearance_m"]
+    within = np.abs(x + tool[:, 0] - beyond) < 0.05
+    return Shown(
+        [
+            at_least("least distance of the housings", gap, "> 0", 0.02, "m"),
+            at_most("least distance without avoidance", hit, "collides", 0.0, "m"),
+            at_least("tool at first", float(tool[0, 2]), "above the bridge", under, "m"),
+            at_most("tool under the bridge", float(tool[within, 2].max()), "below it", under, "m"),
+            at_least("way of the base", float(x[-1]), "passes", 4.9, "m"),
+        ],
+        svg(figure),
+    )  # fmt: skip
+
+
+ZHANG = Paper(
+    "Online Sensor Information and Redundancy Resolution Based Obstacle Avoidance for High DOF "
+    "Mobile Manipulator Teleoperation",
+    "Zhang, Jia, Guo, Qian, Song and Xi, International Journal of Advanced Robotic Systems, 2013",
+    {
+        "kinematics": Exhibit(
+            "Eqs. 1–8",
+            "Base and arm as one mechanism",
+            "A Jacobian J_n of 6 × 9, and η_d = J_n⁺ (ξ̇_d − K ξ_err) + (I − J_n⁺ J_n) α η_s.",
+            "With ξ_err = ξ_d − ξ, as in Fig. 3, the sign of K ξ_err is wrong: it has to be added. "
+            "As printed, the error grows as exp(K t).",
+            "The tool's error by the server's resolution, from 0.30 m and 0.30 rad, K = 1 /s.",
+            'make papers ARGS="--only kinematics"',
+            kinematics,
+        ),
+        "order": Exhibit(
+            "Figs. 6 and 7, eqs. 12 and 13",
+            "Forbidden cells, and F₁, F₂, F₃",
+            "The lines shoulder–tool, shoulder–elbow and elbow–tool, in 20 × 40 cells of 50 mm, "
+            "with their neighbours; F₁ moves the tool to the nearest safe cell, F₂ the elbow, F₃ "
+            "brings the tool onto the line of the other two.",
+            "The arm's lengths are not printed: ours are those of its data sheet, and the rows are "
+            "those of an independent grid. F₁ and F₂ may undo each other: below a bridge of 0.65 m "
+            "the third posture is the first one again. The server refuses that by name "
+            "(`sequence_stuck`); by default it searches whole postures instead. One neighbouring "
+            "cell is too thin for a true housing: the server's reach is the link's radius and a "
+            "margin.",
+            "The arm from ahead, before and after each step; a bridge of 0.60 m above its foot.",
+            'make papers ARGS="--only order"',
+            order,
+        ),
+        "contour": Exhibit(
+            "Figs. 8–11, eqs. 9–11",
+            "A bridge seen past the arm",
+            "Rays that hit the arm are deleted and replaced by a linear fit; the contour is that "
+            "of the bridge.",
+            "0 stands for *nothing* in eq. 11, and for an obstacle at the shoulder's plane: the "
+            "server keeps a mask. The arm of eq. 14 is not in the view of our scanner; ours stands "
+            "at q = [0, 0.9, 0, 1.2, 0, 0, 0] instead.",
+            "Left: rays by their angle in the scan and the tilt. Right: cells found after two "
+            "sweeps, over those that the true bridge fills.",
+            'make papers ARGS="--only contour"',
+            contour,
+        ),
+        "passage": Exhibit(
+            "Figs. 12–15",
+            "The bridge is passed",
+            "From q = [0, −π/4, 0, π/2, 0, 0, 0] the tool moves down first, then the elbow is "
+            "turned; the smallest distance stays above 0.",
+            "The bridge is drawn without numbers: ours has its underside at 0.95 m, below tool and "
+            "elbow. What the base does meanwhile is not told: ours waits until the arm is "
+            "folded, which goes to a whole posture at once, not in the printed order. "
+            "Distances are of the housings, not of points.",
+            "The whole loop: every ray cast, drives, wheels and physics, base at 0.1 m/s.",
+            'make papers ARGS="--only passage"; telerobot simulate rover_bridge bridge; '
+            "telerobot simulate rover_bridge bridge_off",
+            passage,
+        ),
+    },
+)
