@@ -24,6 +24,7 @@ from ..spatial import (
     jacobian_at,
     rotate_twist,
     rotation_log,
+    sizes,
     skew,
     twist_at,
     wrench_to,
@@ -449,7 +450,7 @@ LEAST_SHARE = 4.0
 """Of lighter payloads nobody can tell whether they slipped [N]."""
 
 EMPTY = 0.25
-"""An arm that carries less than this part of its share carries nothing [1]."""
+"""An arm that exerts less than this part of its share of the weight carries nothing [1]."""
 
 SLIPPED_S = 0.1
 """A payload has slipped when one arm carries nothing of it and the others all for so long [s]."""
@@ -529,8 +530,9 @@ def without_load(forces: Grasping, up: Array) -> tuple[Flags, Flags]:
     """Return which of k arms carry next to nothing of the payload, and of which others carry that.
 
     Both are (k,); `up` (3,) is the vertical in the axes of the MRF. What a payload rests on takes
-    load off the others, too: then nothing slipped. An arm whose sensor tells nothing may carry all:
-    that saturates it.
+    load off the others, too, or is pressed on by the arm that it takes the load off: nothing
+    slipped, for an empty grasp exerts nothing in any direction. An arm whose sensor tells nothing
+    may carry all: that saturates it.
     """
     meant = forces.desired[:, :3] @ up
     known = np.array([h is not None for h in forces.exerted])
@@ -538,7 +540,8 @@ def without_load(forces: Grasping, up: Array) -> tuple[Flags, Flags]:
         nobody = np.zeros(len(meant), dtype=bool)
         return nobody, nobody
     carried = np.array([0.0 if h is None else float(h[:3] @ up) for h in forces.exerted])
-    empty: Flags = known & (carried < EMPTY * meant)
+    size = np.array([0.0 if h is None else sizes(h)[0] for h in forces.exerted])
+    empty: Flags = known & (size < EMPTY * meant)
     if not known.all():
         return empty, empty
     return empty, empty & ((carried.sum() - carried) > OTHERS * meant.sum())

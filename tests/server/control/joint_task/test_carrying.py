@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from telerobot.server.control.inputs import Intent, PathGoal
+from telerobot.server.control.joint_task.forces import Grasping, without_load
 
 from .carrying import Carrying, T, pair
 
@@ -301,3 +302,17 @@ def test_a_beam_that_is_set_down_on_something_did_not_slip(cell):
         beam.lift(np.array([0.0, 0.0, 0.9 * 5 * 9.81]))
         run.tick()
     assert not any(output.held.slipped for output in run.outputs)
+
+
+@pytest.mark.parametrize(
+    ("left", "slipped"),
+    [((16.6, 15.5, 2.0), False), ((1.0, -0.5, 2.0), True), ((0.0, 0.0, -20.0), False)],
+    ids=["pressed on what carries it", "empty", "pressed down"],
+)
+def test_a_grasp_out_of_which_the_payload_slipped_exerts_nothing_in_any_direction(left, slipped):
+    """A node that one end of a beam stands on takes the load off that arm alone."""
+    share = np.array([0.0, 0.0, 24.5, 0.0, 0.0, 0.0])
+    exerted = (np.array([*left, 0.0, 0.0, 0.0]), np.array([8.0, 14.0, 39.0, 0.0, 0.0, 0.0]))
+    forces = Grasping(np.zeros((2, 3)), np.array([share, share]), exerted, None, None, None)
+    empty, slips = without_load(forces, np.array([0.0, 0.0, 1.0]))
+    assert (empty.tolist(), slips.tolist()) == ([slipped, False], [slipped, False])
