@@ -1,5 +1,8 @@
 """A peg goes into a hole that is not where it is meant to be: some of the campaign's directions."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 from laboratory.campaign.contact.insertion import (
@@ -7,8 +10,10 @@ from laboratory.campaign.contact.insertion import (
     GENTLE,
     OFFSET,
     ROUGH,
+    SQUEEZED,
     TILT,
     Attempt,
+    PegInsertion,
     attempt,
     misplaced,
 )
@@ -28,6 +33,25 @@ def test_rate_and_force_together_insert_the_peg_gently(direction, part):
     assert found.net_n > 10.0
     # A sum of magnitudes is never below the net force; a tilted peg is pressed from two sides.
     assert found.peak_n > 2.0 * found.net_n
+
+
+@pytest.mark.parametrize(
+    ("found", "why"),
+    [
+        ({"deep_s": math.inf}, "not inserted"),
+        ({"net_n": GENTLE + 1.0}, "pushed beyond 35 N net"),
+        ({"peak_n": SQUEEZED + 7.0}, "squeezed beyond 130 N in all"),
+        ({"end": "fault: s1"}, "ended early: fault: s1"),
+    ],
+)
+def test_what_speaks_against_an_insertion_is_said(found, why):
+    gentle = PegInsertion(23, False, 2, 0.039, 10.5, 23.0, 119.0, 0, "")
+    assert gentle.inserted
+    assert gentle.reasons == []
+    other = dataclasses.replace(gentle, **found)
+    assert not other.inserted
+    (reason,) = other.reasons
+    assert reason.startswith(why)
 
 
 @pytest.mark.parametrize("direction", [0, 19])

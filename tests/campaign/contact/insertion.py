@@ -78,8 +78,18 @@ class PegInsertion:
     @property
     def inserted(self) -> bool:
         """True when the peg is in, in time and gently."""
-        gentle = self.net_n < GENTLE and self.peak_n < SQUEEZED
-        return self.deep_s < WITHIN_S and gentle and not self.end
+        return not self.against
+
+    @property
+    def against(self) -> str:
+        """What speaks against a gentle insertion, or empty."""
+        if self.end:
+            return f"ended early: {self.end}"
+        if not self.deep_s < WITHIN_S:
+            return "not inserted"
+        if not self.net_n < GENTLE:
+            return f"pushed beyond {GENTLE:g} N net"
+        return "" if self.peak_n < SQUEEZED else f"squeezed beyond {SQUEEZED:g} N in all"
 
     @property
     def rough(self) -> bool:
@@ -98,8 +108,8 @@ class PegInsertion:
         found = [f"{self.limit_violations} limit violations"] if self.limit_violations else []
         if self.stiff and not self.rough:
             found.append(f"went in gently without force control: {self.words}")
-        if not self.stiff and not self.inserted:
-            found.append(f"not inserted: {self.words} {self.end}".rstrip())
+        if not self.stiff and self.against:
+            found.append(f"{self.against}: {self.words}")
         return found
 
 
