@@ -24,15 +24,9 @@ from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, Clear
 from .barriers.clearance import BarrierInputs
 from .barriers.rows import JointLimits
-from .bodies.body import (
-    Builder,
-    Environment,
-    Insertion,
-    JointRates,
-    RateRequest,
-    SerialArm,
-)
+from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
+from .bodies.rates import ArmMeasurement, DesiredRates, JointRates, RateRequest
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
@@ -40,16 +34,16 @@ from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings
 from .mechanism.field import Field, advance_offset, on_path
 from .mechanism.joint_rates import FOLDING, JointMotion, at_posture
 from .mechanism.model import Dynamics, Mechanism
-from .mechanism.redundancy import Near, Redundancy
+from .mechanism.redundancy import Redundancy
 from .mechanism.resolution import resolve
 from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules, Placed
-from .spatial import Array, Kinematics, Motion, Pose, sizes, wrench_to
+from .spatial import NO_TWIST, Array, Kinematics, Motion, Pose, sizes, wrench_to
 from .state import Memory, Output
 from .stop.limiter import Limited
 from .stop.profile import Stop
-from .task.source import NO_TWIST, Context, Granted
+from .task.source import Context, Granted
 from .task.sources import joint_share
 from .task.task import Quantities, Task, TaskMemory
 
@@ -157,22 +151,18 @@ def context_of(
     dq: Array,
     off_path: Array | None,
     told: WristMemory,
-    near: Near | None,
     inputs: Inputs,
-    k: Kinematics,
+    seen: ArmMeasurement,
     wrist: Wrist,
     lever: Array,
-    wrench: Array | None,
-    hand: Array | None,
 ) -> Context:
-    """Return what the sources see; `near` is what is near the control points now.
+    """Return what the sources see.
 
     Joints are commanded to go at `dq` (n,) [rad/s], the virtual link has the tool `off_path` (3,)
     [m], `told` is what the sensor of the `wrist` told. `lever` (3,) leads from the MRF to where it
-    was at start [m]; `wrench` and `hand` (6,) are what the arm exerts, at and in the MRF, of the
-    newest and of the mean readings.
+    was at start [m].
     """
-    moved = inputs.moved
+    moved, k = inputs.moved, seen.kinematics
     return Context(
         inputs=inputs,
         k=k,
@@ -180,11 +170,11 @@ def context_of(
         lever=lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
-        wrench=wrench,
-        hand=hand,
+        wrench=seen.wrench,
+        hand=seen.hand,
         wrench_at=partial(wrist.wrench_mrf, told),
         load=told.load,
-        precedence=0.0 if near is None else near.alpha,
+        precedence=0.0 if seen.near is None else seen.near.alpha,
         off_path=off_path,
     )
 
@@ -234,40 +224,6 @@ BODIES: Final = (BackboneArm, WheeledArm, GantryArm, SerialArm)
 
 TOUCHING = 3e-3
 """Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
-
-
-class DesiredRates(NamedTuple):
-    """Joint rates asked for, the twists behind them, and what they were computed from."""
-
-    dq: Array
-    twists: dict[str, Array]
-    twist: Array
-    scale: float
-    limits: tuple[str, ...]
-    found: JointRates
-    """What the body resolved, before anything came beside it."""
-    by_joint: bool = False
-    """The joints are commanded themselves: jogged, or led to a posture."""
-    stance: Stance = STANDS
-    """How the arm meets what comes."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all, or none is led."""
-
-
-class ArmMeasurement(NamedTuple):
-    """Where the arm is, and what it exerts."""
-
-    kinematics: Kinematics
-    """Of the commanded posture."""
-    placed: Placed | None
-    """Its links, where they are known already."""
-    T_world_wrist_measured: Pose
-    error: Array
-    """How far the command was ahead of the joints (n,) [rad]."""
-    wrench: Array | None
-    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
-    hand: Array | None
-    """The same of the mean readings."""
 
 
 class Arm:
@@ -361,33 +317,36 @@ class Arm:
         if task.held is not None:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
             held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
-        context = context_of(
-            motion.dq, task.off_path, wrist, near, inputs, k,
-            self.wrist, lever, wrench, hand,
+        seen = ArmMeasurement(
+            k, T_world_wrist_measured, memory.sent[1] - inputs.q_measured, wrench, hand, placed,
+            near, base,
         )  # fmt: skip
+        context = context_of(motion.dq, task.off_path, wrist, inputs, seen, self.wrist, lever)
         whole = self._whole(inputs, motion.q, k, objectives)
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
         if held is not None:
             context = context._replace(held=held)
         task, twists = self.task.twists(task, context)
-        around = Environment(inputs.scene, near, base, placed, wrench)
         stance = self._stance(memory, inputs, task, twists, k, placed)
         acting, settled = objectives, inputs.at_posture
         if settled and stance.alert and self._roused(stance, inputs):
             acting, settled = self.standing.of_outside(objectives), False
-        asked = self.resolved(
-            motion.q, twists, acting, task.off_path,
+        request = RateRequest(
             inputs if settled is inputs.at_posture else evolve(inputs, at_posture=False),
-            k, lever, around, memory.insertion, whole,
-            (memory.sent[1], inputs.q_measured), held,
-        )  # fmt: skip
+            acting,
+            lever,
+            off_path=task.off_path,
+            insertion=memory.insertion,
+            following=(memory.sent[1], inputs.q_measured),
+            held=held,
+        )
+        asked = self.resolved(motion.q, twists, request, seen, whole)
         asked = self._coming_back(stance, inputs, motion.q, k, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
-        error = memory.sent[1] - inputs.q_measured
-        retreat, asked = self._giving_way(memory, inputs, k, asked, error)
-        share = self.body.wall_scale(asked.found, motion.q, error, asked.dq)
+        retreat, asked = self._giving_way(memory, inputs, k, asked, seen.error)
+        share = self.body.wall_scale(asked.found, motion.q, seen.error, asked.dq)
         if share < 1.0:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
@@ -400,7 +359,7 @@ class Arm:
             retreat=retreat,
             insertion=asked.found.insertion,
         )
-        return memory, ArmMeasurement(k, placed, T_world_wrist_measured, error, wrench, hand), asked
+        return memory, seen, asked
 
     def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
@@ -446,28 +405,22 @@ class Arm:
         self,
         q: Array,
         twists: dict[str, Array],
-        objectives: ObjectiveGains,
-        off_path: Array | None,
-        inputs: Inputs,
-        k: Kinematics,
-        lever: Array,
-        around: Environment,
-        insertion: Insertion | None = None,
+        request: RateRequest,
+        seen: ArmMeasurement,
         whole: Whole = IDLE,
-        following: tuple[Array, Array] | None = None,
-        held: HeldAxes | None = None,
     ) -> DesiredRates:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
-        At the commanded posture q (n,) [rad], whose kinematics are `k`. `whole` is what
-        objectives have to be taken as it is; `following` are the joints (n,) as they were commanded
-        and measured at one instant; `held` which axes of the MRF the task holds, None for all.
+        At the commanded posture q (n,), where `request` says all but the twist. `whole` is what
+        objectives have to be taken as it is.
         """
-        twist = summed(twists)
+        twist, inputs, k = summed(twists), request.inputs, seen.kinematics
         left = twist if whole is IDLE else whole.left(twists)
+        held = request.held
         if held is not None:
             # The rows belong to the MRF: singularities are judged there, too.
-            twist, left, lever = held.part(twist), held.part(left), np.zeros(3)
+            twist, left = held.part(twist), held.part(left)
+            request = request._replace(lever=np.zeros(3))
         joint_rates = None
         if inputs.intent is Intent.MOVE:
             joint_rates = self.joint_motion.rates(
@@ -480,8 +433,8 @@ class Arm:
         if joint_rates is not None:
             relief = twists["force"]
             twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
-            if relief is not NO_TWIST and around.wrench is not None:
-                joint_rates = self._relieved(joint_rates, relief, k.J, around.wrench)
+            if relief is not NO_TWIST and seen.wrench is not None:
+                joint_rates = self._relieved(joint_rates, relief, k.J, seen.wrench)
             twist = k.J @ joint_rates
         s_tool = self.tool_share(twist, inputs.settings.speed_factor)
         limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
@@ -491,24 +444,8 @@ class Arm:
         if inputs.settings.contact_share < 1.0:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
-        request = RateRequest(
-            left if s_tool == 1.0 else s_tool * left,
-            lever,
-            objectives,
-            inputs.settings.speed_factor,
-            inputs.intent is Intent.MOVE and not inputs.at_posture,
-            off_path,
-            inputs.goal is not None,
-            inputs.intent is Intent.MOVE,
-            inputs.intent is Intent.SEED,
-            inputs.ground == "base",
-            inputs.drive,
-            insertion,
-            following,
-            None if self.p.T_wrist_sensor is None else inputs.settings.payload or self.p.payload,
-            held,
-        )
-        found = self.body.rates(q, k, request, around)
+        request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
+        found = self.body.rates(q, seen, request)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
         if held is not None:
             # Self-motion moves the tool along axes that are free.
@@ -655,23 +592,16 @@ class Arm:
         if asked.held is not None:
             path = asked.held.keep @ (seen.kinematics.J if path is None else path)
         return BarrierInputs(
-            dq=asked.dq,
-            kinematics=seen.kinematics,
+            desired=asked,
+            seen=seen,
             motion=memory.motion,
-            error=seen.error,
             way=memory.sent[1] - memory.sent[2],
             resistance=memory.resistance,
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
-            synchronized=asked.found.synchronized,
-            wheels_commanded=asked.found.wheels_commanded,
-            path=path,
-            by_joint=asked.by_joint,
-            n_locked=asked.found.n_locked,
             motion_commanded=not beside or self.motion_commanded(asked.twists, inputs),
-            makes_way=asked.stance.makes_way,
-            tool_stays=asked.stance.tool_stays,
+            path=path,
         )
 
     def finish(
@@ -686,19 +616,7 @@ class Arm:
     ) -> tuple[Memory, Output]:
         """Return the next memory and what to send, once it is decided how the joints move."""
         actuated = self.actuate(
-            memory.torque,
-            Now(
-                inputs.q_measured,
-                seen.error,
-                memory.motion,
-                limited.motion,
-                seen.kinematics,
-                None if seen.hand is None else -seen.hand,
-                inputs.settings.T_wrist_mrf,
-                inputs.time_s,
-                inputs.intent is Intent.SEED,
-                memory.wrist.load,
-            ),
+            memory.torque, Now(inputs, seen, memory.motion, limited.motion, memory.wrist.load)
         )
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
         stance = asked.stance

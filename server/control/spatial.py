@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -371,6 +371,11 @@ def arriving(
 # --- Twists and wrenches of one rigid body in other axes and at another of its points -------------
 #
 # Williams 1997, eqs. 1 and 5.
+
+
+NO_TWIST: Final[Array] = np.zeros(6)
+"""Twist of what asks for nothing (6,); one array, which a sum leaves out."""
+NO_TWIST.flags.writeable = False
 
 
 def differ(a: Pose, b: Pose) -> bool:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.rows import Resistance
-from .bodies.body import Insertion
+from .bodies.rates import Insertion
 from .grasps.held import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains

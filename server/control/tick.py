@@ -19,9 +19,10 @@ from typing import Self
 import numpy as np
 
 from ...config.load import Cell
-from .arm import Arm, ArmMeasurement, DesiredRates
+from .arm import Arm
 from .barriers.barriers import Allowed, Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
+from .bodies.rates import ArmMeasurement, DesiredRates
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined
@@ -120,9 +121,7 @@ class Control:
         first = inputs[0]
         around = Surroundings(
             before[0].levels,
-            first.settings.speed_factor,
-            first.settings.avoid,
-            first.scene,
+            first,
             # Only the Base of an only arm moves.
             first.moved.base if first.moved is not None and len(self.arms) == 1 else None,
             asked[0][0].placed,

@@ -4,11 +4,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..bodies.rates import ArmMeasurement
 from ..compiled import VECTOR, compiled
-from ..inputs import Payload
+from ..inputs import Inputs, Intent, Payload
 from ..joints import Joints
 from ..mechanism.model import Dynamics
-from ..spatial import GRAVITY, Array, Kinematics, Motion, Pose
+from ..spatial import GRAVITY, Array, Motion
 from ..stop.limiter import TOLERANCE
 from .torque import TorqueLaw, Torques, TorqueState
 
@@ -22,22 +23,12 @@ from .torque import TorqueLaw, Torques, TorqueState
 class Now(NamedTuple):
     """Inputs of an actuation."""
 
-    q: Array
-    """Joints as measured (n,) [rad]."""
-    error: Array
-    """Their lag behind the command (n,) [rad]."""
+    inputs: Inputs
+    seen: ArmMeasurement
     before: Motion
     """The command before this tick."""
     after: Motion
     """The command that this tick decided on."""
-    commanded: Kinematics
-    """Where the command was before this tick."""
-    wrench_on_arm: Array | None
-    """Wrench that pushes the arm, at and in the MRF (6,); None when stale."""
-    T_wrist_mrf: Pose
-    time_s: float
-    settled: bool
-    """The drives are off."""
     load: Array | None = None
     """Payload and bias in effect (10,), see `contact_wrench.load_of`; None: the URDF's tool."""
 
@@ -74,7 +65,7 @@ class BySpeed:
 
     def __call__(self, _state: TorqueState | None, now: Now) -> Actuated:
         """Return the speeds (n,) [rad/s]."""
-        command = now.after.dq + self._gain * now.error
+        command = now.after.dq + self._gain * now.seen.error
         return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
 
 
@@ -120,16 +111,17 @@ class ByTorque:
         if self._wrench_of_bias is not None and now.load is not None:
             self._carry(now.load[:4])
             offset = self._wrench_of_bias @ now.load[4:]
+        inputs, seen = now.inputs, now.seen
         kept, torques = self._law.step(
             state,
-            now.q,
+            inputs.q_measured,
             now.before,
             now.after,
-            now.commanded,
-            now.wrench_on_arm,
-            now.T_wrist_mrf,
-            now.time_s,
-            now.settled,
+            seen.kinematics,
+            None if seen.hand is None else -seen.hand,
+            inputs.settings.T_wrist_mrf,
+            inputs.time_s,
+            inputs.intent is Intent.SEED,
             offset,
         )
         tau = torques.tau

@@ -9,22 +9,15 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
-from ..bodies.body import (
-    Builder,
-    Environment,
-    Following,
-    Insertion,
-    JointRates,
-    RateRequest,
-    SerialArm,
-)
-from ..inputs import DriveRequest
+from ..bodies.body import Builder, SerialArm
+from ..bodies.rates import ArmMeasurement, Following, Insertion, JointRates, RateRequest
+from ..inputs import DriveRequest, Intent
 from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..scene import Flags
-from ..spatial import Array, Kinematics
+from ..spatial import Array
 from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
 from .curve import Curve, curve_of
@@ -382,21 +375,19 @@ class BackboneArm(SerialArm):
         backbone = Backbone.from_cell(cell)
         return None if backbone is None else partial(cls, backbone)
 
-    def rates(
-        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
-    ) -> JointRates:
-        """Return joint rates at the commanded posture q (n,), whose kinematics are `k`.
+    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+        """Return joint rates at the commanded posture q (n,).
 
         An arm with a joint that is locked may withdraw, and nothing else.
         """
-        if request.seeding:
+        inputs, drive = request.inputs, request.inputs.drive
+        if inputs.intent is Intent.SEED:
             return self._along(np.zeros(len(q)), None, ())
-        drive = request.drive
         insertion = self.backbone.followed(request.insertion, q, request.following)
         if insertion is None:
             return self._along(np.zeros(len(q)), None, ("off_backbone",))
         if request.moving:
-            insertion = self.backbone.ramped(insertion, drive, request.speed_factor)
+            insertion = self.backbone.ramped(insertion, drive, inputs.settings.speed_factor)
         else:
             insertion = insertion._replace(speed=0.0)
         free, locked = len(q) - insertion.beyond, insertion.locked
@@ -405,12 +396,12 @@ class BackboneArm(SerialArm):
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
         if free > self._rank and not driven and not back_only:
-            return self._tail(q, k, request, environment, insertion)
+            return self._tail(q, seen, request, insertion)
         head = self.backbone.head(q)
         twist = float(head @ request.twist[:3]) if free <= self._rank else 0.0
         share = 1.0
-        if environment.wrench is not None:
-            push = k.T_world_mrf.R @ environment.wrench[:3]
+        if seen.wrench is not None:
+            push = seen.kinematics.T_world_mrf.R @ seen.wrench[:3]
             share = self.backbone.gives_way(insertion.speed, push, head)
         forward, granted = twist + insertion.speed, twist + share * insertion.speed
         if back_only:
@@ -430,17 +421,14 @@ class BackboneArm(SerialArm):
         return found._replace(limits=limits, synchronized=True, insertion=insertion)
 
     def _tail(
-        self,
-        q: Array,
-        k: Kinematics,
-        request: RateRequest,
-        environment: Environment,
-        insertion: Insertion,
+        self, q: Array, seen: ArmMeasurement, request: RateRequest, insertion: Insertion
     ) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
-        J, inside = k.J.copy(), insertion.beyond
+        k, inside = seen.kinematics, insertion.beyond
+        J = k.J.copy()
         J[:, :inside] = 0.0
-        found = self._resolver.rates(q, k._replace(J=J), request, environment)
+        seen = seen._replace(kinematics=k._replace(J=J))
+        found = self._resolver.rates(q, seen, request)
         dq = found.dq.copy()
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)

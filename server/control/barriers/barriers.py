@@ -100,7 +100,8 @@ class ConstraintSet:
 
         Those of `links` hold one payload.
         """
-        factor, guard = around.speed_factor, self.guard
+        settings, guard = around.inputs.settings, self.guard
+        factor = settings.speed_factor
         bounded, each, shares, limits, beyond = [], [], [], [], False
         for i, arm in enumerate(arms):
             bounded.append(b := self._bounded(i, arm, factor))
@@ -112,7 +113,7 @@ class ConstraintSet:
         if links:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
         watch, rows, broken, made_way = None, None, None, [False] * len(arms)
-        if guard is not None and around.keep_clear:
+        if guard is not None and settings.avoid:
             watch = guard.watch(Situation.of(arms, around), dq)
             beside = guard.tool_shares(watch)
             if links and min(beside) < 1.0:
@@ -132,18 +133,18 @@ class ConstraintSet:
                 beyond = True
         paces = list(shares)
         if links and not beyond:
-            J = joined([arm.kinematics.J for arm in arms], axis=1)
+            J = joined([arm.seen.kinematics.J for arm in arms], axis=1)
             beyond = pulled_apart(J, self._tool, dq, ATTITUDE * self._length, links)
         if beyond:
-            J = joined([a.kinematics.J if a.path is None else a.path for a in arms], axis=1)
+            J = joined([a.seen.kinematics.J if a.path is None else a.path for a in arms], axis=1)
             low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
             V = factor * self._velocity
             wheels = [
                 part.start
                 for part, arm in zip(self.parts, arms, strict=True)
-                if arm.wheels_commanded
+                if arm.desired.found.wheels_commanded
             ]
-            costs = [WIDEN_BESIDE if arm.tool_stays else WIDEN for arm in arms]
+            costs = [WIDEN_BESIDE if arm.desired.stance.tool_stays else WIDEN for arm in arms]
             found = nearest(
                 dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels), costs
             )
@@ -169,19 +170,20 @@ class ConstraintSet:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.motion.q
         V = factor * self._velocities[i]
-        dq, share, low, high, beyond = room.within(arm.dq, V, q, arm.error)
+        dq, share, low, high, beyond = room.within(arm.desired.dq, V, q, arm.seen.error)
         limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        if arm.n_locked:
-            low[: arm.n_locked] = high[: arm.n_locked] = 0.0
+        found = arm.desired.found
+        if found.n_locked:
+            low[: found.n_locked] = high[: found.n_locked] = 0.0
         if not beyond:
             return _Bounded(dq, share, low, high, False, None, limits)
-        leash = room.leash(arm.error)
+        leash = room.leash(arm.seen.error)
         limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
         limits += self._reasons(i, leash.left_by(dq), "leash")
-        if arm.synchronized:
+        if found.synchronized:
             part = _part_within(dq, low, high)
             dq, share, beyond = part * dq, part * share, False
-        elif arm.by_joint:
+        elif arm.desired.by_joint:
             dq, beyond = np.clip(dq, low, high), False
         return _Bounded(dq, share, low, high, beyond, leash, limits)
 
@@ -200,7 +202,7 @@ class ConstraintSet:
         for i, arm in enumerate(arms):
             rates = dq if len(arms) == 1 else dq[self.parts[i]]
             share, joint, memory = self.rooms[i].resisted(
-                rates, arm.motion.dq, arm.way, arm.error, arm.resistance
+                rates, arm.motion.dq, arm.way, arm.seen.error, arm.resistance
             )
             memories.append(memory)
             # An arm that may not move gives way at most, and is not held up.

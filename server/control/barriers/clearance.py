@@ -7,6 +7,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from ....config.load import Cell
+from ..bodies.rates import ArmMeasurement, DesiredRates
 from ..compiled import (
     COUNT,
     COUNTS,
@@ -20,11 +21,12 @@ from ..compiled import (
     VECTOR,
     compiled,
 )
+from ..inputs import Inputs
 from ..joints import joined, parts_of
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
-from ..spatial import Array, Kinematics, Motion, Pose
+from ..spatial import Array, Motion, Pose
 from .rows import Braking, Resistance, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
@@ -408,36 +410,20 @@ COMMANDED = 1e-4
 class BarrierInputs(NamedTuple):
     """Inputs of the barriers from one mechanism in one tick."""
 
-    dq: Array
-    """Joint rates that are asked for (n,) [rad/s]."""
-    kinematics: Kinematics
-    """Of the commanded posture."""
+    desired: DesiredRates
+    seen: ArmMeasurement
     motion: Motion
     """The commanded joints."""
-    error: Array
-    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
     way: Array
     """Way of the command (n,) [rad] in the tick whose effect is measured now."""
     resistance: Resistance | None
     """The resistance that holds the arm up; None before the first tick."""
     may_move: bool
     T_wrist_mrf: Pose
-    synchronized: bool = False
-    """Joints mean something only together, as along a curve: one at its bound holds up all."""
-    by_joint: bool = False
-    """Joints are commanded themselves: one at its bound is held, and no other makes up for it."""
-    n_locked: int = 0
-    """So many joints, from the first on, stand inside a tunnel, and make up for no other."""
     motion_commanded: bool = True
     """Somebody tells the arm to move."""
-    makes_way: float = 1.0
-    """Part of the speed of what comes that the arm makes way at, 0 to 1."""
-    tool_stays: bool = False
-    """It makes way by self-motion alone."""
-    wheels_commanded: bool = False
-    """The first two joints, wheels, are driven: they may be slowed, together, and nothing else."""
     path: Array | None = None
-    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: `kinematics`' own."""
+    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: the tool's own."""
 
 
 class Surroundings(NamedTuple):
@@ -445,10 +431,7 @@ class Surroundings(NamedTuple):
 
     levels: Levels
     """Best gap so far of pairs that are below their bounds."""
-    speed_factor: float
-    keep_clear: bool = False
-    """Clearances are kept."""
-    scene: Scene | None = None
+    inputs: Inputs
     base: Body | None = None
     """A Base that moves."""
     placed: Placed | None = None
@@ -471,7 +454,7 @@ class Situation(NamedTuple):
         return cls(
             joined([arm.motion.q for arm in arms]),
             joined([arm.motion.dq for arm in arms]),
-            joined([arm.error for arm in arms]),
+            joined([arm.seen.error for arm in arms]),
             arms,
             around,
         )
@@ -516,13 +499,14 @@ class CollisionConstraint:
     def watch(self, at: Situation, asked: Array) -> ProximityQuery:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
         clearance, around, arms = self.clearance, at.around, at.arms
+        factor = around.inputs.settings.speed_factor
         fastest, speeds, rates = np.empty(len(asked)), [], []
         for arm, part in zip(arms, self._parts, strict=True):
-            speed, rate = _ask(arm.kinematics.J, asked[part], at.dq[part], fastest[part])
+            speed, rate = _ask(arm.seen.kinematics.J, asked[part], at.dq[part], fastest[part])
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
-            at.q, fastest, at.error, around.scene, around.speed_factor, around.levels,
+            at.q, fastest, at.error, around.inputs.scene, factor, around.levels,
             around.base, around.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
@@ -531,13 +515,13 @@ class CollisionConstraint:
         )
         coming = sight.near.approach
         if np.count_nonzero(coming):
-            shares = np.array([arm.makes_way for arm in arms])
+            shares = np.array([arm.desired.stance.makes_way for arm in arms])
             coming = shares[self._arm[sight.near.first]] * coming
-            coming = np.minimum(coming, around.speed_factor * self._speed)
+            coming = np.minimum(coming, factor * self._speed)
         gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
-        rows, factor = [], around.speed_factor
+        rows = []
         for arm, part, walls in zip(arms, self._parts, self.walls, strict=True):
-            k = arm.kinematics
+            k = arm.seen.kinematics
             walled = walls.around(_whole(k.J, part, len(at.q)), k.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
@@ -563,15 +547,15 @@ class CollisionConstraint:
                 continue
             far = (gap - self._clearance) / (self._near_distance - self._clearance)
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-            factor = watch.at.around.speed_factor
+            factor = watch.at.around.inputs.settings.speed_factor
             shares.append(min(1.0, factor * bound / max(speed, 1e-12)))
         return shares
 
     def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
-        share, factor = 1.0, watch.at.around.speed_factor
+        share, factor = 1.0, watch.at.around.inputs.settings.speed_factor
         for arm, part, asked in zip(watch.at.arms, self._parts, watch.speeds, strict=True):
-            speed = float(np.linalg.norm(arm.kinematics.J[:3] @ dq[part]))
+            speed = float(np.linalg.norm(arm.seen.kinematics.J[:3] @ dq[part]))
             most = max(asked, factor * self._speed)
             share = min(share, most / max(speed, 1e-12))
         return dq if share >= 1.0 else share * dq
@@ -596,7 +580,7 @@ class CollisionConstraint:
         way = np.maximum(high - at.q, at.q - low)
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(at.arms, self.walls, strict=True):
-            p, base = arm.kinematics.T_world_mrf.p, at.around.base
+            p, base = arm.seen.kinematics.T_world_mrf.p, at.around.base
             if not walls.given or walls.far(p, arm.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))

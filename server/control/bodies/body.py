@@ -4,7 +4,6 @@ Tick, units, perception and telemetry ask a body, and never which kind it is. A 
 what it does otherwise, and gets its row in `arm.py`.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -12,126 +11,16 @@ import numpy as np
 
 from ....config.load import Cell
 from ..axes import HeldAxes
-from ..inputs import STILL, DriveRequest, ObjectiveGains, Payload
-from ..mechanism.field import Field, FieldReading, shifted
+from ..inputs import DriveRequest
+from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
-from ..mechanism.redundancy import Near, Redundancy, SelfMotion
+from ..mechanism.redundancy import Redundancy
 from ..mechanism.resolution import Resolved, Travel, resolve
 from ..parameters import Parameters
-from ..proximity.capsules import Placed
-from ..scene import Scene
 from ..spatial import Array, Kinematics, Pose, jacobian_at, twist_at
 from ..stop.limiter import StopConstraint
-
-# --- What a body is asked for, and what it answers ------------------------------------------------
-
-
-class Following(NamedTuple):
-    """Which joints follow their commands: what both were when each joint moved last."""
-
-    commanded: Array
-    """(n,) [rad]"""
-    measured: Array
-    """(n,) [rad]"""
-    locked: Array
-    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
-    stood: Array
-    """How long each has stood (n,) that was asked to move [s]."""
-
-
-class Insertion(NamedTuple):
-    """Where along its curve an arm is."""
-
-    s1: float
-    """Free length, base to entrance [m]."""
-    q: Array
-    """The fit there (n,) [rad]."""
-    rates: Array
-    """∂q/∂s1 of the fit (n,) [rad/m]."""
-    speed: float
-    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
-    beyond: int
-    """The first joint that is beyond the exit; n for none."""
-    following: Following | None = None
-    """None before the joints were looked at."""
-
-    @property
-    def locked(self) -> Array | None:
-        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
-        known = self.following
-        return None if known is None or np.isnan(known.locked).all() else known.locked
-
-
-class RateRequest(NamedTuple):
-    """The motion that a body is asked for."""
-
-    twist: Array
-    """Of its MRF, World axes (6,) [m/s, rad/s]."""
-    lever: Array
-    """From the MRF to the point of the tool at which singularities are judged (3,) [m]."""
-    objectives: ObjectiveGains
-    """Gains of the redundancy objectives."""
-    speed_factor: float
-    spare: bool
-    """Spare joints may move."""
-    off_path: Array | None = None
-    """Where the virtual link has the tool off its path, in World (3,) [m]."""
-    on_way: bool = False
-    """The tool is led along a path, which the virtual link may let it leave."""
-    moving: bool = True
-    """The arm may move, and does not only give way."""
-    seeding: bool = False
-    """Its drives are off: it is at rest where its joints are."""
-    relative_to_base: bool = False
-    """The tool's motion is relative to Base, not to World."""
-    drive: DriveRequest = STILL
-    insertion: Insertion | None = None
-    """Where along its curve it was a tick ago."""
-    following: tuple[Array, Array] | None = None
-    """Joints (n,) as commanded and as measured at one instant [rad]."""
-    payload: Payload | None = None
-    """What hangs on the force/torque sensor; None without one."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
-
-
-class Environment(NamedTuple):
-    """Surroundings of a body."""
-
-    scene: Scene | None = None
-    near: Near | None = None
-    """Obstacles near its control points; None in a cell without any."""
-    T_world_base: Pose | None = None
-    """Where a Base that moves is; None: Base stands."""
-    placed: Placed | None = None
-    """Its capsules at the commanded posture, where they are known already."""
-    wrench: Array | None = None
-    """Wrench that it exerts, at and in the MRF (6,) [N, N·m]; None where that is not known."""
-
-
-class JointRates(NamedTuple):
-    """Joint rates that do what a body is asked for."""
-
-    dq: Array
-    """(n,) [rad/s]."""
-    self_motion: SelfMotion
-    sigma_min: float = math.nan
-    limits: tuple[str, ...] = ()
-    """What takes something off the twist, by the limit's name."""
-    field: FieldReading | None = None
-    """The potential field; None where nothing follows it."""
-    give_way: Array | None = None
-    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
-    synchronized: bool = False
-    """The joints follow a curve: one that is held up holds up all."""
-    wheels_commanded: bool = False
-    """Wheels go as they are driven: barriers may slow them, together, and nothing else."""
-    insertion: Insertion | None = None
-    """Where along its curve the arm is."""
-    n_locked: int = 0
-    """So many joints, the first ones, stand."""
-
+from .rates import ArmMeasurement, Insertion, JointRates, RateRequest
 
 # --- Joint rates of a twist, and what spare joints do beside --------------------------------------
 #
@@ -168,49 +57,41 @@ class Resolver:
         self._lower, self._upper, self._section = p.joints.lower, p.joints.upper, p.resolve
         self._redundancy, self._field, self._priority = redundancy, field, p.priority
         self._even, self._own = Shares(rank), own
+        self._weighs, self._payload = p.T_wrist_sensor is not None, p.payload
 
     def none(self, dq: Array) -> JointRates:
         """Return joint rates (n,) that nothing was resolved for."""
         return JointRates(dq, self._redundancy.none())
 
     def rates(
-        self,
-        q: Array,
-        k: Kinematics,
-        request: RateRequest,
-        environment: Environment,
-        shares: Shares | None = None,
+        self, q: Array, seen: ArmMeasurement, request: RateRequest, shares: Shares | None = None
     ) -> JointRates:
-        """Return joint rates at the commanded posture q (n,) [rad], whose kinematics are `k`."""
+        """Return joint rates at the commanded posture q (n,) [rad]."""
         shares, held = self._even if shares is None else shares, request.held
         if held is not None and shares is self._even:
             shares = Shares(held.rank)
-        k, D = judged_at(k, request.lever), shares.D
-        seen = None
-        if request.spare:
-            seen = self._field.look(
-                q, k, environment.scene, request.objectives,
-                environment.T_world_base, environment.placed, held,
-            )  # fmt: skip
-        give_way = self._field.give_way(
-            seen, request.off_path, request.on_way, request.speed_factor
-        )
+        k, D, inputs = judged_at(seen.kinematics, request.lever), shares.D, request.inputs
+        factor, spare, view = inputs.settings.speed_factor, request.spare, None
+        if spare:
+            view = self._field.look(
+                q, k, inputs.scene, request.objectives, seen.T_world_base, seen.placed, held
+            )
+        give_way = self._field.give_way(view, request.off_path, inputs.goal is not None, factor)
         task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
-        if request.spare:
+        if spare:
             plain, J = task.null, k.J if self._own is None else self._own * k.J
-            near = None if self._priority is None else environment.near
-            if D is not None and (seen is not None or near is not None):
+            near = None if self._priority is None else seen.near
+            if D is not None and (view is not None or near is not None):
                 plain = np.linalg.qr((task.null * D).T)[0].T
-            downhill, felt = self._field.self_motion(seen, plain)
+            downhill, felt = self._field.self_motion(view, plain)
             outside = {} if downhill is None else {"field": downhill}
             if self._priority is not None and near is not None:
                 outside["spheres"] = self._priority.rates(near, plain)
             posture, length = request.objectives.posture, self._section.characteristic_length
-            view = View(q, J, dq, task.null, posture, outside, request.payload, length, held)
-            self_motion = self._redundancy.rate(
-                view, request.objectives, request.speed_factor, D, self._own
-            )
+            payload = (inputs.settings.payload or self._payload) if self._weighs else None
+            at = View(q, J, dq, task.null, posture, outside, payload, length, held)
+            self_motion = self._redundancy.rate(at, request.objectives, factor, D, self._own)
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
         return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)
@@ -275,11 +156,9 @@ class SerialArm:
         """
         return cls
 
-    def rates(
-        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
-    ) -> JointRates:
-        """Return joint rates that do what is asked for, at joints q, whose kinematics are `k`."""
-        return self._resolver.rates(q, k, request, environment)
+    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+        """Return joint rates that do what is asked for, at joints q."""
+        return self._resolver.rates(q, seen, request)
 
     def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
         """Return joint rates (n,) towards a posture, and beside them what an operator drives."""

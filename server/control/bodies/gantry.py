@@ -10,13 +10,13 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.mechanism import GantrySection
-from ..inputs import DriveRequest
+from ..inputs import DriveRequest, Inputs
 from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
-from ..spatial import Array, Kinematics
-from .body import Builder, Environment, JointRates, RateRequest
+from ..spatial import Array
+from .body import Builder
 from .wheels import STANDING, DrivenArm
 
 
@@ -57,8 +57,6 @@ class GantryArm(DrivenArm):
         driven = bool(np.count_nonzero(self.asked(drive)))
         return super().with_drive(rates, drive, factor) if driven else rates
 
-    def rates(
-        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
-    ) -> JointRates:
-        """Return rates of rails and arm at the commanded posture q (n,)."""
-        return super().rates(q, k, request._replace(relative_to_base=False), environment)
+    def works_alone(self, inputs: Inputs) -> bool:  # noqa: ARG002  others look
+        """Rails stand in World: relative to Base is relative to it."""
+        return False

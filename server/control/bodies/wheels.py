@@ -15,23 +15,15 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.mechanism import DifferentialBaseSection
-from ..inputs import DriveRequest
+from ..inputs import DriveRequest, Inputs
 from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
 from ..parameters import Parameters
 from ..spatial import Array, Kinematics, sizes, twist_at
 from ..wheels import DifferentialDrive
-from .body import (
-    Builder,
-    Environment,
-    JointRates,
-    RateRequest,
-    Resolver,
-    SerialArm,
-    Shares,
-    judged_at,
-)
+from .body import Builder, Resolver, SerialArm, Shares, judged_at
+from .rates import ArmMeasurement, JointRates, RateRequest
 
 CREEPS, GOES = 0.005, 0.02
 """A tool that is asked for less than the first is the arm's alone; from the second on the base
@@ -93,13 +85,16 @@ class DrivenArm(SerialArm):
         rates[self._base] = self.driven(drive, factor)
         return rates
 
-    def rates(
-        self, q: Array, k: Kinematics, request: RateRequest, environment: Environment
-    ) -> JointRates:
+    def works_alone(self, inputs: Inputs) -> bool:
+        """Return whether the tool is led relative to Base, so that the arm alone leads it."""
+        return inputs.ground == "base"
+
+    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
         """Return rates of base and arm at the commanded posture q (n,)."""
-        base, on_base = np.zeros(len(self._most)), request.relative_to_base or not request.moving
-        if request.moving:
-            base = self.driven(request.drive, request.speed_factor)
+        k, inputs, moving = seen.kinematics, request.inputs, request.moving
+        base, on_base = np.zeros(len(self._most)), self.works_alone(inputs) or not moving
+        if moving:
+            base = self.driven(inputs.drive, inputs.settings.speed_factor)
         driven = bool(np.count_nonzero(base))
         twist, part = request.twist, 0.0
         if not (on_base or driven) and request.spare:
@@ -112,7 +107,7 @@ class DrivenArm(SerialArm):
         alone, held = bool(D[0] == STANDING), request.held
         ranks = self._ranks if held is None else held.ranks
         shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
-        found = self._resolver.rates(q, k, request, environment, shares)
+        found = self._resolver.rates(q, seen, request, shares)
         if not alone:
             return found
         dq = found.dq

@@ -9,9 +9,9 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
-from ..arm import Arm, ArmMeasurement, DesiredRates, context_of, path_of_mrf, quantities
+from ..arm import Arm, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
-from ..bodies.body import Environment
+from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
@@ -53,7 +53,7 @@ class Common:
         first: Memory,
         told: Inputs,
         wrist: WristMemory,
-        k: Kinematics,
+        seen: ArmMeasurement,
         T_world_mrf: Pose,
     ) -> tuple[TaskMemory, dict[str, Array]]:
         """Return the task's memory and the twists (6,) of its sources, at the mean MRF.
@@ -62,7 +62,7 @@ class Common:
         if all views agreed.
         """
         mrf = told.settings.T_wrist_mrf
-        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, k.J)
+        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, seen.kinematics.J)
         moving = told.intent is Intent.MOVE
         since_s = first.moving_since_s if first.moving_since_s is not None else told.time_s
         memory = self._task.tuned(
@@ -72,9 +72,10 @@ class Common:
             moving,
             told.settings.at_once,
         )
+        seen = seen._replace(kinematics=there, wrench=None, hand=None)
         context = context_of(
-            first.motion.dq, None, wrist, None, told, there,
-            self._wrist, there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p), None, None,
+            first.motion.dq, None, wrist, told, seen,
+            self._wrist, there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p),
         )  # fmt: skip
         all_gains = memory.gains
         common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
@@ -267,12 +268,10 @@ class _Of(NamedTuple):
 
     before: Memory
     inputs: Inputs
-    measured: Pose
-    """Where its Wrist was measured, in World."""
+    seen: ArmMeasurement
+    """With the MRF where the arm sees it."""
     wrist: WristMemory
     held: GraspState
-    kinematics: Kinematics
-    """Of the commanded posture, with the MRF where the arm sees it."""
 
 
 class _Tuned(NamedTuple):
@@ -336,7 +335,7 @@ class JointTask:
         T_world_mrf, first = mean @ T_payload_mrf, each[0]
         shared, twists = self._common.summed(
             first.held.shared or self._common.idle,
-            first.before, told, first.wrist, first.kinematics, T_world_mrf,
+            first.before, told, first.wrist, first.seen, T_world_mrf,
         )  # fmt: skip
         twist = sum(twists.values(), np.zeros(6))
         views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
@@ -363,7 +362,7 @@ class JointTask:
         members = []
         for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
             of = seen._replace(held=evolve(seen.held, light_s=light[i], weighed=known))
-            away = apart(T_world_mrf, of.kinematics.T_world_mrf)[0]
+            away = apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0]
             holding = GraspStatus(
                 self.name, forces.exerted[i], forces.desired[i], forces.internal_force,
                 forces.internal_moment, strained, light[i] >= SLIPPED_S, known.load, away,
@@ -461,8 +460,15 @@ class JointTask:
         found = []
         for i, wrist in enumerate(commanded):
             given = _of_member(inputs[self.members[i]], told, held[i], T_payload_mrf)
-            k = at_mrf(*wrist, given.settings.T_wrist_mrf)
-            found.append(_Of(before[i], given, measured[i], wrists[i], held[i], k))
+            arm, mrf = self.arms[i], given.settings.T_wrist_mrf
+            seen = ArmMeasurement(
+                at_mrf(*wrist, mrf),
+                measured[i],
+                before[i].sent[1] - given.q_measured,
+                arm.wrist.wrench_mrf(wrists[i], mrf),
+                arm.wrist.hand_mrf(wrists[i], mrf),
+            )
+            found.append(_Of(before[i], given, seen, wrists[i], held[i]))
         return found, mean
 
     def _tuned(self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool) -> _Tuned:
@@ -471,8 +477,8 @@ class JointTask:
         None does that while the payload is `lost`: they would go up and down after their shares.
         """
         arm = self.arms[i]
-        task, objectives, since_s = arm.tuned(of.before, of.inputs, of.kinematics, of.wrist)
-        gain, at = task.gains.get("force", np.zeros(6)), of.kinematics.T_world_wrist.p
+        task, objectives, since_s = arm.tuned(of.before, of.inputs, of.seen.kinematics, of.wrist)
+        gain, at = task.gains.get("force", np.zeros(6)), of.seen.kinematics.T_world_wrist.p
         intent = Intent.STOP if lost else of.inputs.intent
         way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
         return _Tuned(task, objectives, since_s, way, state)
@@ -498,16 +504,10 @@ class JointTask:
     ) -> Member:
         """Return one arm's part: the common twist and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
-        wanted = arm.resolved(
-            of.before.motion.q,
-            {"common": share * twist, "force": share * tuned.way},
-            tuned.objectives,
-            None,
-            given,
-            of.kinematics,
-            of.kinematics.T_world_wrist.R @ (arm.p.T_wrist_tool.p - given.settings.T_wrist_mrf.p),
-            Environment(given.scene),
-        )
+        R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
+        request = RateRequest(given, tuned.objectives, R @ (arm.p.T_wrist_tool.p - mrf.p))
+        twists_of_arm = {"common": share * twist, "force": share * tuned.way}
+        wanted = arm.resolved(of.before.motion.q, twists_of_arm, request, of.seen)
         wanted = wanted._replace(
             twists={**twists, "force": tuned.way},
             twist=twist,
@@ -522,16 +522,7 @@ class JointTask:
             moving_since_s=tuned.since_s if given.intent is Intent.MOVE else None,
             held=evolve(of.held, force=tuned.force),
         )
-        wrist, mrf = arm.wrist, given.settings.T_wrist_mrf
-        seen = ArmMeasurement(
-            of.kinematics,
-            None,
-            of.measured,
-            memory.sent[1] - given.q_measured,
-            wrist.wrench_mrf(of.wrist, mrf),
-            wrist.hand_mrf(of.wrist, mrf),
-        )
-        return Member(memory, given, seen, wanted, share * tuned.way, holding)
+        return Member(memory, given, of.seen, wanted, share * tuned.way, holding)
 
 
 def _of_member(own: Inputs, told: Inputs, held: GraspState, T_payload_mrf: Pose) -> Inputs:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ....config.schema.sources import FollowingSection
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
-from ..spatial import Array, Pose, moved_near, pose_error, right_jacobian, slowed_at
-from .source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
+from ..spatial import NO_TWIST, Array, Pose, moved_near, pose_error, right_jacobian, slowed_at
+from .source import Context, Granted, Redefined, Shaping, Source
 
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""

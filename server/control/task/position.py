@@ -10,6 +10,7 @@ from ..axes import HeldAxes
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
 from ..inputs import Goal, Inputs, PathGoal, Pursuit, Route, TwistRoute
 from ..spatial import (
+    NO_TWIST,
     Array,
     Motion,
     Pose,
@@ -23,7 +24,7 @@ from ..spatial import (
     twist_at,
 )
 from ..stop.trajectory import PositionPlanner, Profile, TrajectoryError, VelocityPlanner
-from .source import NO_TWIST, Context, Granted, Redefined, Shaping, Source
+from .source import Context, Granted, Redefined, Shaping, Source
 
 # --- Straight, jerk-limited paths to a pose: translation in a line, rotation by the geodesic ------
 

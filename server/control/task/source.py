@@ -2,9 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
-
-import numpy as np
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 from ..axes import HeldAxes
 from ..inputs import Goal, Inputs, Intent
@@ -15,10 +13,6 @@ from ..spatial import Array, Kinematics, Pose
 #
 # A source is one class, one row in `task.py` and one section of the cell file. It
 # knows no joints, no other source, and no more of the cell than its own section.
-
-NO_TWIST: Final[Array] = np.zeros(6)
-"""Rate of a source that asks for nothing (6,); one array, which a sum leaves out."""
-NO_TWIST.flags.writeable = False
 
 State = TypeVar("State")
 """Memory of a source from tick to tick; immutable."""

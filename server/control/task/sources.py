@@ -15,9 +15,19 @@ from ....config.schema.sources import (
 )
 from ..compiled import FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled
 from ..inputs import Intent, ViewGoal
-from ..spatial import Array, Motion, Pose, motion_at, pose_error, rotate_twist, twist_at, wrench_to
+from ..spatial import (
+    NO_TWIST,
+    Array,
+    Motion,
+    Pose,
+    motion_at,
+    pose_error,
+    rotate_twist,
+    twist_at,
+    wrench_to,
+)
 from ..stop.trajectory import VelocityPlanner
-from .source import NO_TWIST, Context, Redefined, Shaping, Source
+from .source import Context, Redefined, Shaping, Source
 
 # --- The operator's stick: rates, scaled by K_HC (Williams 1997, section 2.2) ---------------------
 #

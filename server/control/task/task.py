@@ -9,11 +9,11 @@ import numpy as np
 
 from ....config.schema.sources import ScheduleSection, SourcesSection
 from ..axes import FREE_TIME_S, faded
-from ..spatial import Array, Motion, differ, sizes, twist_at, within
+from ..spatial import NO_TWIST, Array, Motion, differ, sizes, twist_at, within
 from ..stop.trajectory import VelocityPlanner
 from .following import Following
 from .position import Position, PositionState
-from .source import NO_TWIST, About, Context, Granted, Redefined, Shaping, Source
+from .source import About, Context, Granted, Redefined, Shaping, Source
 from .sources import Force, ForceState, Joystick, PointAt, Reflex, Spring, Vision
 
 # --- Gains in effect: what was set, times what the cell's schedules say, and every change ramped

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from telerobot.server.control.barriers.clearance import BarrierInputs, Situation, Surroundings
 from telerobot.server.control.spatial import Motion, Pose
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
+from .barriers.asked import situation
 from .test_clearance import EVERYTHING, FAR, Kept
 
 
@@ -37,10 +37,7 @@ def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kep
         dq = rng.uniform(-1, 1, 7) * pa10.p.joints.velocity * rng.uniform(0, 1)
         stop = planner.stop(Motion(q, dq, none))
         motion, k = Motion(q, dq, none), pa10.mechanism.kinematics(q, Pose.identity())
-        arm = BarrierInputs(
-            dq, k, motion, none, none, None, may_move=True, T_wrist_mrf=Pose.identity()
-        )
-        at = Situation.of((arm,), Surroundings({}, 1.0, scene=scene))
+        at = situation(k, dq, motion, scene)
         watch = kept.guard.watch(at, dq)
         short = kept.guard.violation(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
         said.append((short == 0.0, float(gaps_along(kept, stop).min())))

@@ -6,15 +6,14 @@ from telerobot.config.load import altered
 from telerobot.config.schema.surroundings import AvoidanceSection, ObstacleSection
 from telerobot.server.control.barriers.clearance import (
     COMMANDED,
-    BarrierInputs,
     CollisionConstraint,
-    Situation,
-    Surroundings,
 )
 from telerobot.server.control.compiled import evolve
 from telerobot.server.control.spatial import Motion, Pose
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
+
+from .asked import situation
 
 TABLE = ObstacleSection(name="table", shape="box", xyz=(0.6, 0, 0.1), half_size=(0.3, 0.6, 0.1))
 POST = ObstacleSection(name="post", shape="point", xyz=(0.85, 0.0, 0.5))
@@ -32,11 +31,7 @@ def watched(pa10):
     def watch(asked, dq, clearance=0.02):
         around = evolve(scene, clearance=np.full(2, clearance))
         zero = np.zeros(7)
-        arm = BarrierInputs(
-            asked, k, Motion(q, dq, zero), zero, zero, None, may_move=True,
-            T_wrist_mrf=Pose.identity(),
-        )  # fmt: skip
-        at = Situation.of((arm,), Surroundings({}, 1.0, scene=around))
+        at = situation(k, asked, Motion(q, dq, zero), around)
         return guard, guard.watch(at, asked)
 
     return k.J, watch

@@ -7,8 +7,8 @@ from telerobot.protocols.messages.messages import Drive
 from telerobot.server.commands.commands import drive_commands
 from telerobot.server.control.arm import Arm
 from telerobot.server.control.axes import HeldAxes, holding
-from telerobot.server.control.bodies.body import Environment, RateRequest
-from telerobot.server.control.inputs import DriveRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.spatial import Pose
 from telerobot.server.refusals import Refused
 from telerobot.server.telemetry import describe
@@ -33,20 +33,23 @@ def arm(cell):
 def rates(arm):
     k = arm.mechanism.kinematics(BENT, arm.p.T_wrist_tool)
 
-    def found(twist, **more):
+    def found(twist, held=None, **more):
+        settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
+        inputs = Inputs(0.0, Intent.MOVE, BENT, settings, **more)
+        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9))
         request = RateRequest(
-            np.array(twist), np.zeros(3), arm.redundancy.objectives, 1.0, spare=True, **more
+            inputs, arm.redundancy.objectives, np.zeros(3), np.array(twist), held=held
         )
-        return k.J, arm.body.rates(BENT, k, request, Environment())
+        return k.J, arm.body.rates(BENT, seen, request)
 
     return found
 
 
-@pytest.mark.parametrize("relative_to_base", [False, True])
-def test_the_rails_share_the_work_of_a_tool_by_their_weight(rates, relative_to_base):
+@pytest.mark.parametrize("ground", ["world", "base"])
+def test_the_rails_share_the_work_of_a_tool_by_their_weight(rates, ground):
     """Zhang 2013, eqs. 7 and 8, weighted. Base stands: relative to it is in World."""
     twist = np.array([0.1, -0.05, 0.03, 0.1, 0.0, -0.2])
-    J, found = rates(twist, relative_to_base=relative_to_base)
+    J, found = rates(twist, ground=ground)
     D = np.diag([WEIGHT] * 3 + [1.0] * 6)
     task = found.dq - found.self_motion.dq
     assert task == pytest.approx(D @ np.linalg.pinv(J @ D) @ twist, abs=1e-9)

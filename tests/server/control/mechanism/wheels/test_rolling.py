@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.body import Environment, RateRequest
-from telerobot.server.control.inputs import DriveRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.compiled import evolve
+from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.wheels import DifferentialDrive, Rolled
@@ -29,6 +30,14 @@ def arm(cell):
 @pytest.fixture(scope="module")
 def mechanism(cell):
     return Mechanism.from_cell(cell)
+
+
+def asked(arm, k, base, twist, **more):
+    """Return what an arm that may move measures, and is asked for."""
+    settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
+    inputs = Inputs(0.0, Intent.MOVE, np.zeros(9), settings, **more)
+    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), T_world_base=base)
+    return seen, RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), np.asarray(twist))
 
 
 def somewhere(draw, cell):
@@ -81,7 +90,7 @@ def test_wheels_and_twists_of_a_base_say_the_same():
 def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_the_way):
     """Zhang 2013, eq. 8 with its sign put right: of e = x_d − x is left exp(−K t)."""
     K, dt, n = 1.0, 1e-3, 1000
-    stages, mrf = arm, arm.p.T_wrist_tool
+    mrf = arm.p.T_wrist_tool
     q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
     base = Rolled.at(Pose.identity(), q[:2])
     target = arm.mechanism.pose_wrist(q, base) @ mrf
@@ -92,8 +101,7 @@ def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_t
         k = arm.mechanism.kinematics(q, mrf, base)
         e = pose_error(target, k.T_world_mrf)
         first = sizes(e) if first is None else first
-        request = RateRequest(K * e, np.zeros(3), stages.redundancy.objectives, 1.0, spare=True)
-        found = arm.body.rates(q, k, request, Environment(T_world_base=base))
+        found = arm.body.rates(q, *asked(arm, k, base, K * e))
         assert not found.wheels_commanded
         q = q + dt * found.dq
         base = ROLLING.roll(base, q[:2])
@@ -104,36 +112,31 @@ def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_t
 
 def test_self_motion_of_base_and_arm_does_not_move_the_tool(arm):
     """The oblique projector: a wish of the arm alone is answered by wheels and arm."""
-    stages, mrf = arm, arm.p.T_wrist_tool
+    mrf = arm.p.T_wrist_tool
     q = np.array([3.0, -2.0, 0.3, -0.5, 0.2, 1.2, 0.1, 0.3, 0.1])
     base = Rolled.at(Pose(rotation_rpy(0.0, 0.0, 0.8), np.array([1.0, 2.0, 0.0])), q[:2])
     k = arm.mechanism.kinematics(q, mrf, base)
     for twist in ([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.05, 0.02, 0.0, 0.1, 0.2]):
-        request = RateRequest(
-            np.array(twist), np.zeros(3), stages.redundancy.objectives, 1.0, spare=True
-        )
-        found = arm.body.rates(q, k, request, Environment(T_world_base=base))
+        found = arm.body.rates(q, *asked(arm, k, base, twist))
         assert k.J @ found.dq == pytest.approx(twist, abs=1e-12)
         assert np.linalg.norm(found.self_motion.dq[:2]) > 1e-3
         assert k.J @ found.self_motion.dq == pytest.approx(np.zeros(6), abs=1e-12)
 
 
 def test_a_driven_base_goes_as_told_and_the_arm_keeps_the_tool_in_world(arm):
-    stages, mrf = arm, arm.p.T_wrist_tool
+    mrf = arm.p.T_wrist_tool
     q = np.array([0.0, 0.0, 0.1, -0.7, 0.1, 1.5, 0.1, 0.6, 0.1])
     base = Rolled.at(Pose.identity(), q[:2])
     k, twist = arm.mechanism.kinematics(q, mrf, base), np.array([0.0, 0.02, 0.0, 0.0, 0.0, 0.1])
-    request = RateRequest(
-        twist, np.zeros(3), stages.redundancy.objectives, 1.0, spare=True,
-        drive=DriveRequest(speed=0.2, turn=0.1),
-    )  # fmt: skip
-    around, wheels = Environment(T_world_base=base), ROLLING.wheels(0.2, 0.1)
-    found = arm.body.rates(q, k, request, around)
+    drive, wheels = DriveRequest(speed=0.2, turn=0.1), ROLLING.wheels(0.2, 0.1)
+    seen, request = asked(arm, k, base, twist, drive=drive)
+    found = arm.body.rates(q, seen, request)
     assert found.wheels_commanded
     assert found.dq[:2] == pytest.approx(wheels)
     assert k.J @ found.dq == pytest.approx(twist, abs=1e-9)
     # Relative to Base the arm does the same whatever the base does.
-    carried = arm.body.rates(q, k, request._replace(relative_to_base=True), around)
+    on_base = request._replace(inputs=evolve(request.inputs, ground="base"))
+    carried = arm.body.rates(q, seen, on_base)
     assert carried.dq[:2] == pytest.approx(wheels)
     assert k.J[:, 2:] @ carried.dq[2:] == pytest.approx(twist, abs=1e-9)
 

@@ -1,0 +1,141 @@
+"""What a body is asked for, what it answers, and what an arm asks of its joints in all."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..axes import HeldAxes
+from ..hold import STANDS, Stance
+from ..inputs import Inputs, Intent, ObjectiveGains
+from ..mechanism.field import FieldReading
+from ..mechanism.redundancy import Near, SelfMotion
+from ..proximity.capsules import Placed
+from ..spatial import NO_TWIST, Array, Kinematics, Pose
+
+
+class Following(NamedTuple):
+    """Which joints follow their commands: what both were when each joint moved last."""
+
+    commanded: Array
+    """(n,) [rad]"""
+    measured: Array
+    """(n,) [rad]"""
+    locked: Array
+    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
+    stood: Array
+    """How long each has stood (n,) that was asked to move [s]."""
+
+
+class Insertion(NamedTuple):
+    """Where along its curve an arm is."""
+
+    s1: float
+    """Free length, base to entrance [m]."""
+    q: Array
+    """The fit there (n,) [rad]."""
+    rates: Array
+    """∂q/∂s1 of the fit (n,) [rad/m]."""
+    speed: float
+    """Insertion speed that the operator's drive asks for, ramped [m/s]."""
+    beyond: int
+    """The first joint that is beyond the exit; n for none."""
+    following: Following | None = None
+    """None before the joints were looked at."""
+
+    @property
+    def locked(self) -> Array | None:
+        """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
+        known = self.following
+        return None if known is None or np.isnan(known.locked).all() else known.locked
+
+
+class ArmMeasurement(NamedTuple):
+    """Where one arm is, what it exerts, and what is known to be near it."""
+
+    kinematics: Kinematics
+    """Of the commanded posture."""
+    T_world_wrist_measured: Pose
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
+    wrench: Array | None = None
+    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    hand: Array | None = None
+    """The same of the mean readings."""
+    placed: Placed | None = None
+    """Its links at the commanded posture, where they are known already."""
+    near: Near | None = None
+    """Obstacles near its control points; None in a cell without any."""
+    T_world_base: Pose | None = None
+    """Where a Base that moves is; None: Base stands."""
+
+
+class RateRequest(NamedTuple):
+    """The motion that a body is asked for."""
+
+    inputs: Inputs
+    objectives: ObjectiveGains
+    """Gains of the redundancy objectives."""
+    lever: Array
+    """From the MRF to the point of the tool at which singularities are judged (3,) [m]."""
+    twist: Array = NO_TWIST
+    """Of its MRF, World axes (6,) [m/s, rad/s]."""
+    off_path: Array | None = None
+    """Where the virtual link has the tool off its path, in World (3,) [m]."""
+    insertion: Insertion | None = None
+    """Where along its curve it was a tick ago."""
+    following: tuple[Array, Array] | None = None
+    """Joints (n,) as commanded and as measured at one instant [rad]."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
+
+    @property
+    def moving(self) -> bool:
+        """The arm may move, and does not only give way."""
+        return self.inputs.intent is Intent.MOVE
+
+    @property
+    def spare(self) -> bool:
+        """Spare joints may move."""
+        return self.moving and not self.inputs.at_posture
+
+
+class JointRates(NamedTuple):
+    """Joint rates that do what a body is asked for."""
+
+    dq: Array
+    """(n,) [rad/s]."""
+    self_motion: SelfMotion
+    sigma_min: float = math.nan
+    limits: tuple[str, ...] = ()
+    """What takes something off the twist, by the limit's name."""
+    field: FieldReading | None = None
+    """The potential field; None where nothing follows it."""
+    give_way: Array | None = None
+    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    synchronized: bool = False
+    """The joints follow a curve: one that is held up holds up all."""
+    wheels_commanded: bool = False
+    """Wheels go as they are driven: barriers may slow them, together, and nothing else."""
+    insertion: Insertion | None = None
+    """Where along its curve the arm is."""
+    n_locked: int = 0
+    """So many joints, the first ones, stand."""
+
+
+class DesiredRates(NamedTuple):
+    """Joint rates asked for, the twists behind them, and what they were computed from."""
+
+    dq: Array
+    twists: dict[str, Array]
+    twist: Array
+    scale: float
+    limits: tuple[str, ...]
+    found: JointRates
+    """What the body resolved, before anything came beside it."""
+    by_joint: bool = False
+    """The joints are commanded themselves: jogged, or led to a posture."""
+    stance: Stance = STANDS
+    """How the arm meets what comes."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all, or none is led."""
