@@ -322,8 +322,8 @@ class Track(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlausibleMotion:
-    """Bounds of a frame's motion, and the smoothing of its news."""
+class SightingBounds:
+    """Bounds of the difference between two sightings: speeds, and slack for noise."""
 
     period_s: float
     least_quality: float
@@ -332,6 +332,12 @@ class PlausibleMotion:
     slack: float
     angular_slack: float
     smoothing_s: float
+
+
+@dataclass(frozen=True)
+class PlausibleMotion(SightingBounds):
+    """Bounds of a frame's motion, and the smoothing of its news."""
+
     acceleration: float
     angular_acceleration: float
     extent: tuple[float, float]
@@ -618,19 +624,6 @@ class KnownTarget:
     """Filtered over the pictures that were believed."""
     tick: int
     """To which the newest of them belongs."""
-
-
-@dataclass(frozen=True)
-class SightingBounds:
-    """Bounds of the difference between two pictures: speeds, and slack for noise."""
-
-    period_s: float
-    least_quality: float
-    speed: float
-    angular_speed: float
-    slack: float
-    angular_slack: float
-    smoothing_s: float
 
 
 def judge(

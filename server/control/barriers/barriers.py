@@ -17,19 +17,14 @@ from .clearance import (
     Surroundings,
 )
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
-from .rows import JointLimits, Resistance, Room, Rows
+from .rows import JointLimits, Resistance, Room, Rows, Within
 from .together import PayloadLink, in_step, least_of, pulled_apart
 
 
 class _Bounded(NamedTuple):
     """Joint rates of one mechanism inside its speed bounds."""
 
-    dq: Array
-    share: float
-    low: Array
-    high: Array
-    beyond: bool
-    """True where they are not inside the other bounds of the joints."""
+    rates: Within
     leash: Room | None
     limits: tuple[str, ...]
 
@@ -105,10 +100,10 @@ class ConstraintSet:
         bounded, each, shares, limits, beyond = [], [], [], [], False
         for i, arm in enumerate(arms):
             bounded.append(b := self._bounded(i, arm, factor))
-            each.append(b.dq)
-            shares.append(b.share)
+            each.append(b.rates.dq)
+            shares.append(b.rates.share)
             limits.append(b.limits)
-            beyond = beyond or b.beyond
+            beyond = beyond or b.rates.beyond
         dq = joined(each)
         if links:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
@@ -137,7 +132,8 @@ class ConstraintSet:
             beyond = pulled_apart(J, self._tool, dq, ATTITUDE * self._length, links)
         if beyond:
             J = joined([a.seen.kinematics.J if a.path is None else a.path for a in arms], axis=1)
-            low, high = joined([b.low for b in bounded]), joined([b.high for b in bounded])
+            low = joined([b.rates.low for b in bounded])
+            high = joined([b.rates.high for b in bounded])
             V = factor * self._velocity
             wheels = [
                 part.start
@@ -170,22 +166,21 @@ class ConstraintSet:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.motion.q
         V = factor * self._velocities[i]
-        dq, share, low, high, beyond = room.within(arm.desired.dq, V, q, arm.seen.error)
-        limits: tuple[str, ...] = ("joint_speed",) if share < 1.0 else ()
-        found = arm.desired.found
+        rates, found = room.within(arm.desired.dq, V, q, arm.seen.error), arm.desired.found
+        limits: tuple[str, ...] = ("joint_speed",) if rates.share < 1.0 else ()
         if found.n_locked:
-            low[: found.n_locked] = high[: found.n_locked] = 0.0
-        if not beyond:
-            return _Bounded(dq, share, low, high, False, None, limits)
-        leash = room.leash(arm.seen.error)
+            rates.low[: found.n_locked] = rates.high[: found.n_locked] = 0.0
+        if not rates.beyond:
+            return _Bounded(rates, None, limits)
+        dq, leash = rates.dq, room.leash(arm.seen.error)
         limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
         limits += self._reasons(i, leash.left_by(dq), "leash")
         if found.synchronized:
-            part = _part_within(dq, low, high)
-            dq, share, beyond = part * dq, part * share, False
+            part = _part_within(dq, rates.low, rates.high)
+            rates = rates._replace(dq=part * dq, share=part * rates.share, beyond=False)
         elif arm.desired.by_joint:
-            dq, beyond = np.clip(dq, low, high), False
-        return _Bounded(dq, share, low, high, beyond, leash, limits)
+            rates = rates._replace(dq=np.clip(dq, rates.low, rates.high), beyond=False)
+        return _Bounded(rates, leash, limits)
 
     def _held_up(
         self,
