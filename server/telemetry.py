@@ -120,7 +120,7 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
         q_command=tuple(x for output in outputs for x in output.q.tolist()),
         dq_command=tuple(x for output in outputs for x in output.dq.tolist()),
         tau=tuple(reading.tau.tolist()),
-        following_error=tuple(x for output in outputs for x in output.following_error.tolist()),
+        following_error=tuple(x for output in outputs for x in output.seen.error.tolist()),
         devices={name: dict(values) for name, values in reading.values.items()},
         avoiding=units.settings.avoid,
         gaps=tuple((g.link, g.other, g.gap, g.active) for g in outputs[0].gaps),
@@ -155,6 +155,7 @@ def _of_task(
         perception.collisions.external,
     )
     view, tick = vision.view, record.tick
+    found, path = output.desired.found, output.task.position.progress
     return {
         "external_torque": None if external is None else tuple(external.tolist()),
         "pose_mrf": output.T_world_mrf.to_xyz_rpy(),
@@ -164,24 +165,24 @@ def _of_task(
         "frames": {name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
         "frame_age_ticks": {name: frames.age(name, tick) for name in frames.names},
         "target_mrf": None if commands.target is None else commands.target.to_xyz_rpy(),
-        "wrench_mrf": None if output.wrench_mrf is None else _six(output.wrench_mrf),
+        "wrench_mrf": None if output.seen.wrench is None else _six(output.seen.wrench),
         "wrench_sensor": None if wrench is None else _six(wrench),
         "gripper_closed": commands.settings.gripper_closed,
         "payload": None if commands.settings.payload is None else _four(commands.settings.payload),
         "view": None if view is None else view.to_xyz_rpy(),
         "view_age_ticks": vision.age(tick),
         "view_error": vision.error,
-        "sources": {name: _six(twist) for name, twist in output.twists.items()},
-        "gains": {name: _six(gain) for name, gain in output.gains.items()},
+        "sources": {name: _six(twist) for name, twist in output.desired.twists.items()},
+        "gains": {name: _six(gain) for name, gain in output.task.gains.items()},
         "on": dict(commands.settings.on),
-        "twist": _six(output.twist),
-        "self_motion": tuple(output.self_motion.dq.tolist()),
+        "twist": _six(output.desired.twist),
+        "self_motion": tuple(found.self_motion.dq.tolist()),
         "objectives": {
-            name: (gain, output.self_motion.norms.get(name, 0.0))
+            name: (gain, found.self_motion.norms.get(name, 0.0))
             for name, gain in output.objectives.gains.items()
         },
-        "axes_held": (1.0,) * 6 if output.axes_held is None else _six(output.axes_held),
-        "path": None if output.path is None else _numbers(output.path),
+        "axes_held": (1.0,) * 6 if output.task.held is None else _six(output.task.held),
+        "path": None if path is None else _numbers(path),
         "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
         "master": {
             "engaged": float(commands.master.engaged),
@@ -194,12 +195,12 @@ def _of_task(
         "held_by": None if output.held is None else output.held.task,
         "internal_force": None if output.held is None else output.held.internal_force,
         "internal_moment": None if output.held is None else output.held.internal_moment,
-        "sigma_min": output.sigma_min if math.isfinite(output.sigma_min) else -1.0,
-        "potential": None if output.field is None else potential(output.field),
-        "off_path": None if output.off_path is None else _three(output.off_path),
-        "spheres": {} if output.near is None else sphere_distances(output.near),
-        "priority": None if output.near is None else output.near.alpha,
-        "insertion": unit.arm.body.telemetry(output.insertion),
+        "sigma_min": found.sigma_min if math.isfinite(found.sigma_min) else -1.0,
+        "potential": None if found.field is None else potential(found.field),
+        "off_path": None if output.task.off_path is None else _three(output.task.off_path),
+        "spheres": {} if output.seen.near is None else sphere_distances(output.seen.near),
+        "priority": None if output.seen.near is None else output.seen.near.alpha,
+        "insertion": unit.arm.body.telemetry(found.insertion),
         "at_goal": output.at_goal or commands.goals.posture_reached,
     }
 

@@ -165,8 +165,8 @@ class HapticHandle:
         """
         if self.reflector is not None:
             self.reflector.reflect(
-                output.wrench_mrf,
-                output.gains,
+                output.seen.wrench,
+                output.task.gains,
                 output.T_world_mrf_measured.R,
                 scale,
                 pursuing,

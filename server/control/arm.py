@@ -162,9 +162,11 @@ def context_of(
     [m], `told` is what the sensor of the `wrist` told. `lever` (3,) leads from the MRF to where it
     was at start [m].
     """
-    moved, k = inputs.moved, seen.kinematics
+    moved, k, moving = inputs.moved, seen.kinematics, inputs.intent is Intent.MOVE
     return Context(
         inputs=inputs,
+        moving=moving,
+        guided=moving and inputs.posture is None and inputs.jog is None,
         k=k,
         twist=k.J.dot(dq),
         lever=lever,
@@ -645,13 +647,12 @@ class Arm:
             command=actuated.command,
             refusal=actuated.refusal,
             at_rest=limited.motion.stands(STANDING),
-            following_error=seen.error,
-            T_world_mrf=seen.kinematics.T_world_mrf,
+            seen=seen,
+            desired=asked,
+            task=memory.task,
+            objectives=memory.objectives,
             T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
             T_wrist_mrf=inputs.settings.T_wrist_mrf,
-            wrench_mrf=seen.wrench,
-            twists=asked.twists,
-            twist=asked.twist,
             scale=scale,
             limits=asked.limits
             + allowed.limits
@@ -659,19 +660,9 @@ class Arm:
             + actuated.limits,
             stop_worsened=limited.worsened,
             shown=clear.shown,
-            near=memory.near,
-            sigma_min=asked.found.sigma_min,
-            gains=memory.task.gains,
-            objectives=memory.objectives,
-            self_motion=asked.found.self_motion,
             at_goal=self._at_goal(memory, inputs),
             bleeding=memory.task.force.bleeding,
-            path=memory.task.position.progress,
             T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
-            field=asked.found.field,
-            off_path=memory.task.off_path,
-            insertion=memory.insertion,
-            axes_held=memory.task.held,
         )
 
     def _advanced(

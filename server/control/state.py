@@ -6,16 +6,14 @@ from typing import NamedTuple
 from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.rows import Resistance
-from .bodies.rates import Insertion
+from .bodies.rates import ArmMeasurement, DesiredRates, Insertion
 from .grasps.held import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
-from .mechanism.field import FieldReading
-from .mechanism.redundancy import Near, SelfMotion
+from .mechanism.redundancy import Near
 from .mechanism.wrench import WristMemory
 from .spatial import Array, Motion, Pose
 from .stop.profile import Stop
-from .task.position import Progress
 from .task.task import TaskMemory
 
 
@@ -69,52 +67,39 @@ class Output(NamedTuple):
     refusal: str | None
     """Why the gate refused the command; the drives must quick-stop then."""
     at_rest: bool
-    following_error: Array
-    T_world_mrf: Pose
+    seen: ArmMeasurement
+    """What the tick began with; of a joint task, where its shared MRF is."""
+    desired: DesiredRates
+    """What was asked of the joints, before barriers."""
+    task: TaskMemory
+    """The gains in effect, and how far the goal is under way."""
+    objectives: ObjectiveGains
+    """The redundancy objectives' gains in effect."""
     T_world_mrf_measured: Pose
     T_wrist_mrf: Pose
     """The MRF that all this is about."""
-    wrench_mrf: Array | None
-    twists: dict[str, Array]
-    """Each source's twist of the MRF, World axes (6,)."""
-    twist: Array
-    """Their sum, before limiting."""
     scale: float
     """Share of the asked tool motion that was granted, 0 to 1."""
     limits: tuple[str, ...]
     """Names of what limited this tick."""
-    sigma_min: float
-    gains: dict[str, Array]
-    """Each source's gain (6,) in effect: ramped, and as its schedules say."""
-    objectives: ObjectiveGains
-    """The redundancy objectives' gains in effect."""
-    self_motion: SelfMotion
-    """Joint rates that were asked of the null space."""
     at_goal: bool
     """True when a position or posture goal is reached."""
     bleeding: bool = False
-    path: Progress | None = None
-    """How far the goal is under way, if any."""
     T_world_path: Pose | None = None
     """Where the path has the MRF now, if there is one."""
-    field: FieldReading | None = None
-    """The potential field; None where nothing follows it."""
-    off_path: Array | None = None
-    """Where the virtual link has the tool off its path, in World (3,) [m]."""
     shown: Shown | None = None
     """The pairs of links and obstacles that are near; None where clearances are not kept."""
-    near: Near | None = None
-    """Obstacles near the virtual spheres; None in a cell without any."""
-    insertion: Insertion | None = None
-    """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
     stop_worsened: bool = False
     """News made the stored stop fall short of a clearance; the least bad one was taken."""
     held: GraspStatus | None = None
     """The payload that it holds with others; None for an arm with a task alone."""
     shared: "Output | None" = None
     """The same of a joint task, at its shared MRF; told by its first arm only."""
-    axes_held: Array | None = None
-    """How far the task holds the axes of its MRF (6,), from 0, free, to 1; None: all are held."""
+
+    @property
+    def T_world_mrf(self) -> Pose:
+        """Where the command had the MRF."""
+        return self.seen.kinematics.T_world_mrf
 
     @property
     def gaps(self) -> tuple[Gap, ...]:

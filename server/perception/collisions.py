@@ -266,9 +266,9 @@ class ContactRelease:
 
 def _seen(output: Output | None) -> Array | None:
     """Return what pushes the tool (6,), at the MRF in World axes, as far as the sensor sees."""
-    if output is None or output.wrench_mrf is None:
+    if output is None or output.seen.wrench is None:
         return None
-    return -(output.wrench_mrf.reshape(2, 3) @ output.T_world_mrf_measured.R.T).ravel()
+    return -(output.seen.wrench.reshape(2, 3) @ output.T_world_mrf_measured.R.T).ravel()
 
 
 # --- Collision monitor: contact that no sensor sees, and the joint that it pushes -----------------

@@ -167,14 +167,14 @@ class PressedTool(ToolContact):
     def follow(self, output: Output | None, by_joint: bool, mode: Mode) -> None:
         """Take in the tick before; `by_joint` says that the joints are commanded themselves."""
         moving = mode is Mode.ENABLED
-        lost = output is None or output.wrench_mrf is None
+        lost = output is None or output.seen.wrench is None
         if lost or not mode.energised or (moving and not by_joint):
             if self.watching:
                 self.rest()
             return
-        if output is None or output.wrench_mrf is None or not (by_joint or self.watching):
+        if output is None or output.seen.wrench is None or not (by_joint or self.watching):
             return
-        force_n = sizes(output.wrench_mrf)[0]
+        force_n = sizes(output.seen.wrench)[0]
         if not self.watching:
             self.watching, self.known_n = True, force_n
         self.known_n = min(self.known_n, force_n)
@@ -192,7 +192,7 @@ class PressedTool(ToolContact):
         elif self._lasting >= LASTS or sum(self._stays) > self._most_of:
             self._met_s = 0.0
         # Force control relieves the contact meanwhile, as quickly as a stop would be, and further.
-        relieving = beyond and bool(output.twists["force"].any())
+        relieving = beyond and bool(output.desired.twists["force"].any())
         self.found = self._met_s is not None and not (relieving and self._met_s < RELIEVED_S)
         self.touched = moving and self.found
 
@@ -309,8 +309,8 @@ class ContactStability:
             self._forget()
             self._acting = self.share if settings.on["force"] else 1.0
             return self._acting
-        if output.wrench_mrf is not None:
-            force = output.T_world_mrf_measured.R @ output.wrench_mrf[:3]
+        if output.seen.wrench is not None:
+            force = output.T_world_mrf_measured.R @ output.seen.wrench[:3]
             size = math.sqrt(float(force @ force))
             touching = float(force @ self._normal) > FREE_N
             self._free_s = 0.0 if touching else self._free_s + self._period_s
@@ -354,7 +354,7 @@ class ContactStability:
         a third.
         """
         stiffness, normal = self._estimated()
-        gain = np.asarray(output.gains["force"])[:3]
+        gain = np.asarray(output.task.gains["force"])[:3]
         along = output.T_world_mrf_measured.R.T @ normal
         loop = float(gain @ along**2) * self.share * stiffness * self._period_s
         thrown = not self._rising and self._swings[-1] > self._hard_n
@@ -395,7 +395,8 @@ class ContactStability:
         """
         if self.share == 1.0 or self._free_s < FREE_S:
             return self.share
-        others = sum((t[:3] for name, t in output.twists.items() if name != "force"), np.zeros(3))
+        twists = output.desired.twists
+        others = sum((t[:3] for name, t in twists.items() if name != "force"), np.zeros(3))
         away = -float(others @ self._normal)
         return 1.0 if away > AWAY * math.sqrt(float(others @ others)) else self.share
 
@@ -461,18 +462,18 @@ class JamMonitor:
         self._ticks += 1
         if self._ticks % self._every:
             return
-        if output is None or output.wrench_mrf is None:
+        if output is None or output.seen.wrench is None:
             self._forget()
             return
         asked = np.zeros(3)
-        for name, twist in output.twists.items():
+        for name, twist in output.desired.twists.items():
             if name not in WRENCH_SOURCES and name != FRAMES:
                 asked += twist[:3]
         if _size(asked) < SLOWEST:
             self._forget()
             return
         T = output.T_world_mrf_measured
-        force, moment = output.wrench_mrf.reshape(2, 3) @ T.R.T
+        force, moment = output.seen.wrench.reshape(2, 3) @ T.R.T
         self._seen.append(_Sample(asked, force, moment, T.p))
         if len(self._seen) == self._seen.maxlen:
             self._judge()

@@ -69,7 +69,7 @@ class Perception:
         if reading.wrench_age_s is not None:
             weight, twists = None, {}
             if output is not None:
-                twists, self._T_world_mrf = output.twists, output.T_world_mrf_measured
+                twists, self._T_world_mrf = output.desired.twists, output.T_world_mrf_measured
                 # Of the MRF that the tick was about: arms that hold a payload have another one.
                 told = commands.settings
                 weight = self._arm.wrist.weight(

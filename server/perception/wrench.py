@@ -370,11 +370,11 @@ class LoadMonitor:
         before, self._mode = self._mode, mode
         moving, stale = mode is Mode.ENABLED, not self._measured.known
         began = moving and before is not Mode.ENABLED
-        if output.wrench_mrf is None:
+        if output.seen.wrench is None:
             self._measured.clear()
             self._using = False
         else:
-            self._measured.add(output.wrench_mrf, output)
+            self._measured.add(output.seen.wrench, output)
             using = moving and any(self._settings.on[s] for s in WRENCH_SOURCES)
             if began:
                 self._vouched = self._measured.quiet()
@@ -445,7 +445,7 @@ class LoadMonitor:
 
     def _judge(self, output: Output, time_s: float) -> None:
         if self.trust is LoadTrust.SETTLING and (
-            time_s >= self._until_s or others_ask(output.twists)
+            time_s >= self._until_s or others_ask(output.desired.twists)
         ):
             if self._measured.quiet():
                 self._end(LoadTrust.EXPLAINED)
@@ -473,7 +473,7 @@ class LoadMonitor:
                 else:
                     self._start_probe(output, time_s)
                     self._falls = True
-            elif others_ask(output.twists):
+            elif others_ask(output.desired.twists):
                 self._until_s = time_s + WAIT_S
             elif time_s > self._until_s:
                 self._doubt(output)
@@ -510,7 +510,7 @@ class LoadMonitor:
         if (
             self.trust is not LoadTrust.JUDGED
             or self._mode is not Mode.ENABLED
-            or others_ask(output.twists)
+            or others_ask(output.desired.twists)
         ):
             return 1.0
         settings, (force, moment) = self._settings, self._measured.sizes()
@@ -575,13 +575,13 @@ class UnchangingForce:
         if output is None or trust is LoadTrust.JUDGED or trust in LATCHED:
             self._forget()
             return None
-        if output.wrench_mrf is None:
+        if output.seen.wrench is None:
             self._newest.clear()
             self._blocks.clear()
         else:
             self._carry(output)
             R = output.T_world_mrf_measured.R
-            self._newest.append((output.wrench_mrf.reshape(2, 3) @ R.T).ravel())
+            self._newest.append((output.seen.wrench.reshape(2, 3) @ R.T).ravel())
             self._ticks += 1
             if self._ticks % BLOCK == 0:
                 self._learn(mode.energised and trust is not LoadTrust.SETTLING)

@@ -321,7 +321,7 @@ class Unit:
         if output.at_goal and goals.posture is not None:
             goals.finish_posture()
             self.events.info("posture_reached")
-        elif goals.at_rest and np.abs(output.twists["following"]).max() > LED:
+        elif goals.at_rest and np.abs(output.desired.twists["following"]).max() > LED:
             goals.led_by_hand()
 
     def _tell_station(self, memory: Memory, output: Output) -> None:

@@ -459,7 +459,7 @@ class Units:
     @property
     def following_error(self) -> Array | None:
         """How far all joints (n,) are behind their commands [rad]; None before the first tick."""
-        errors = [u.output.following_error for u in self.each if u.output is not None]
+        errors = [u.output.seen.error for u in self.each if u.output is not None]
         if len(errors) < len(self.each):
             return None
         return errors[0] if len(errors) == 1 else np.concatenate(errors)
@@ -611,7 +611,7 @@ def _know_ranks(unit: Unit | JointUnit) -> None:
     settings = unit.commands.control_settings()
     if settings.held is None:
         return
-    now = None if unit.output is None else unit.output.axes_held
+    now = None if unit.output is None else unit.output.task.held
     fading = settings.held if now is None else np.minimum(settings.held, now)
     for held in (settings.held, fading):
         unit.arm.mechanism.held_ranks(held == 1.0, settings.T_wrist_mrf)

@@ -86,12 +86,12 @@ def _row(cell: Cell, tick: Replayed) -> dict[str, Array]:
     for part, inputs, output in zip(cell.parts, tick.inputs, tick.outputs, strict=True):
         of = part.prefix
         row[f"state.{of}pose_mrf"] = np.array(output.T_world_mrf_measured.to_xyz_rpy())
-        row[f"state.{of}wrench_mrf"] = six if output.wrench_mrf is None else output.wrench_mrf
+        row[f"state.{of}wrench_mrf"] = six if output.seen.wrench is None else output.seen.wrench
         sensor = inputs.wrench_sensor
         row[f"state.{of}wrench_sensor"] = six if sensor is None else sensor
-        row[f"action.{of}twist"] = output.twist
+        row[f"action.{of}twist"] = output.desired.twist
         row[f"action.{of}granted"] = np.float64(output.scale)
-        for source, twist in output.twists.items():
+        for source, twist in output.desired.twists.items():
             row[f"action.{of}sources.{source}"] = twist
     return {name: np.asarray(value) for name, value in row.items()}
 

@@ -225,23 +225,23 @@ def _arm(
     if output is None or after is None:
         return
     yield _line("joints commanded", _numbers(output.q))
-    yield _line("following error", _numbers(output.following_error))
-    if output.wrench_mrf is not None:
-        yield _line("wrench at the MRF", _numbers(output.wrench_mrf))
+    yield _line("following error", _numbers(output.seen.error))
+    if output.seen.wrench is not None:
+        yield _line("wrench at the MRF", _numbers(output.seen.wrench))
     yield "1 sources, 2 sum"
-    for name, twist in output.twists.items():
+    for name, twist in output.desired.twists.items():
         if float(np.abs(twist).max()) > SMALL:
-            gain = output.gains.get(name)
+            gain = output.task.gains.get(name)
             yield _line(f"  {name}", _numbers(twist) + ("" if gain is None else _gain(gain)))
-    yield _line("  sum", _numbers(output.twist))
-    if output.path is not None:
-        path = output.path
+    yield _line("  sum", _numbers(output.desired.twist))
+    if output.task.position.progress is not None:
+        path = output.task.position.progress
         yield _line(
             "  path", f"leg {path.leg + 1} of {path.legs}, {path.part:.1%}, pace {path.pace:.3f}"
         )
     yield "3 resolve"
-    yield _line("  least singular value", f"{output.sigma_min:.4g}")
-    motion = output.self_motion
+    yield _line("  least singular value", f"{output.desired.found.sigma_min:.4g}")
+    motion = output.desired.found.self_motion
     if float(np.abs(motion.dq).max()) > SMALL:
         of = ", ".join(f"{name} {norm:.3g}" for name, norm in motion.norms.items() if norm > SMALL)
         yield _line("  self-motion", f"{_numbers(motion.dq)} ({of})")

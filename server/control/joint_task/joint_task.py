@@ -413,16 +413,15 @@ class JointTask:
             for output, member in zip(outputs, together.members, strict=True)
         ]
         position, first = shared.position, found[0]
+        k = first.seen.kinematics._replace(T_world_mrf=together.T_world_mrf)
         common = first._replace(
-            T_world_mrf=together.T_world_mrf,
+            seen=first.seen._replace(kinematics=k, wrench=together.contact),
+            task=shared,
             T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
             T_wrist_mrf=told.settings.T_wrist_mrf,
-            wrench_mrf=together.contact,
             at_rest=all(output.at_rest for output in found),
-            gains=shared.gains,
             at_goal=told.intent is Intent.MOVE and position.at_goal,
             bleeding=any(m.held is not None and m.held.force.bleeding for m in memories),
-            path=position.progress,
             T_world_path=path_of_mrf(told, position.T_world_path),
         )
         found[0] = first._replace(shared=common)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 from ..axes import HeldAxes
-from ..inputs import Goal, Inputs, Intent
+from ..inputs import Goal, Inputs
 from ..scene import Body
 from ..spatial import Array, Kinematics, Pose
 
@@ -34,6 +34,10 @@ class Context(NamedTuple):
     """Inputs of the sources in one tick. Poses are in World, twists in World axes."""
 
     inputs: Inputs
+    moving: bool
+    """The task may move the tool."""
+    guided: bool
+    """Nothing but the sources leads the arm: no posture, no jog."""
     k: Kinematics
     """Where the command has the arm."""
     twist: Array
@@ -60,16 +64,6 @@ class Context(NamedTuple):
     """Twist (6,) of the MRF of an arm that folds as a whole; None for one that does not."""
     held: HeldAxes | None = None
     """Axes of the MRF that the task holds; None: all."""
-
-    @property
-    def moving(self) -> bool:
-        """The task may move the tool."""
-        return self.inputs.intent is Intent.MOVE
-
-    @property
-    def guided(self) -> bool:
-        """Nothing but the sources leads the arm: no posture, no jog."""
-        return self.moving and self.inputs.posture is None and self.inputs.jog is None
 
     @property
     def goal(self) -> Goal | None:

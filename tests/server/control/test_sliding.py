@@ -138,10 +138,10 @@ def test_the_path_waits_for_a_joint_that_does_not_follow(pa10):
     for _ in range(200):
         output = kept.run.tick(goal=goal, scene=kept.world.scene(0), q_measured=stuck)
     assert any(name.startswith("leash:") for name in output.limits)
-    part = output.path.part
+    part = output.task.position.progress.part
     for _ in range(200):
         output = kept.run.tick(goal=goal, scene=kept.world.scene(0), q_measured=stuck)
-    assert output.path.part == pytest.approx(part, abs=0.01)
+    assert output.task.position.progress.part == pytest.approx(part, abs=0.01)
     assert part < 0.9
 
 

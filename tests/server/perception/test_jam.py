@@ -40,7 +40,8 @@ def play(monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None, aside=0.0
         wrench = None if force is None else force * np.array([1.0, aside, 0.0, 0.0, 0.0, lever])
         twists = {"joystick": np.concatenate([u, np.zeros(3)]), "force": -np.ones(6)}
         pose = Pose(np.eye(3), at)
-        monitor.update(SimpleNamespace(wrench_mrf=wrench, twists=twists, T_world_mrf_measured=pose))
+        seen, desired = SimpleNamespace(wrench=wrench), SimpleNamespace(twists=twists)
+        monitor.update(SimpleNamespace(seen=seen, desired=desired, T_world_mrf_measured=pose))
     return at
 
 

@@ -16,7 +16,10 @@ def output(force, relief=NOTHING):
     wrench = None if force is None else np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
     here = Pose.identity()
     return SimpleNamespace(
-        wrench_mrf=wrench, twists={"force": relief}, T_world_mrf=here, T_world_mrf_measured=here
+        seen=SimpleNamespace(wrench=wrench),
+        desired=SimpleNamespace(twists={"force": relief}),
+        T_world_mrf=here,
+        T_world_mrf_measured=here,
     )
 
 

@@ -18,7 +18,7 @@ class GraspState:
         output = self.run.tick(stick=stick or self.stick, q_measured=follows, **inputs)
         self.delayed.append(output.q)
         window = self.run.arm.p.joints.following_window
-        self.worst = max(self.worst, float((np.abs(output.following_error) / window).max()))
+        self.worst = max(self.worst, float((np.abs(output.seen.error) / window).max()))
         return output
 
     def go(self, seconds):

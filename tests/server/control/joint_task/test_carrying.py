@@ -252,7 +252,7 @@ def test_an_arm_whose_sensor_is_stale_gives_way_to_nothing(cell):
     first, second = (output.held for output in run.outputs)
     assert first.internal_force is None
     assert second.wrench is None
-    assert not run.outputs[1].twists["force"].any()
+    assert not run.outputs[1].desired.twists["force"].any()
 
 
 def test_views_that_drift_apart_are_told_and_follow_their_mean(cell):

@@ -16,6 +16,8 @@ _INPUTS = Inputs(0.0, Intent.MOVE, np.zeros(7), _SETTINGS)
 _K = Kinematics(_HERE, _HERE, np.zeros((6, 7)))
 _CONTEXT = Context(
     inputs=_INPUTS,
+    moving=True,
+    guided=True,
     k=_K,
     twist=np.zeros(6),
     lever=np.zeros(3),
@@ -39,7 +41,9 @@ def shown(**said):
     settings = evolve(_SETTINGS, **taken(_SETTINGS))
     k = _K._replace(**{f: said.pop(f) for f in _K._fields if f in said})
     inputs = evolve(_INPUTS, settings=settings, **taken(_INPUTS))
-    return _CONTEXT._replace(inputs=inputs, k=k, **said)
+    moving = inputs.intent is Intent.MOVE
+    guided = moving and inputs.jog is None
+    return _CONTEXT._replace(inputs=inputs, moving=moving, guided=guided, k=k, **said)
 
 
 def granted(share=1.0, pace=None, slid=False, twist=None, T_world_mrf=_HERE):

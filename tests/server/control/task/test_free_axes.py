@@ -7,7 +7,7 @@ import pytest
 from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.axes import FREE_TIME_S, HeldAxes, holding
-from telerobot.server.control.bodies.body import Environment
+from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, PathGoal
 from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.control.tick import Control
@@ -58,7 +58,10 @@ def test_position_control_asks_nothing_along_a_free_axis(pa10, start):
         k = pa10.mechanism.kinematics(run.memory.motion.q, run.settings.T_wrist_mrf)
         output, R = run.tick(goal=goal), k.T_world_mrf.R
         asked = np.concatenate(
-            [R.T @ output.twists["position"][:3], R.T @ output.twists["position"][3:]]
+            [
+                R.T @ output.desired.twists["position"][:3],
+                R.T @ output.desired.twists["position"][3:],
+            ]
         )
         assert np.abs(asked[[0, 5]]).max() < 1e-12
     assert np.abs(asked[[1, 4]]).max() > 1e-3
@@ -70,11 +73,10 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     k = pa10.mechanism.kinematics(q, pa10.settings.T_wrist_mrf)
     held = HeldAxes.of(holding(("x",)), k.T_world_mrf.R, (5, 5))
     along = np.concatenate([k.T_world_mrf.R @ np.array([3.0 * most, 0.0, 0.05]), np.zeros(3)])
-    found = arm.resolved(
-        q, {"joystick": along}, arm.redundancy.objectives, None,
-        Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True), k, np.zeros(3),
-        Environment(), held=held,
-    )  # fmt: skip
+    inputs = Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True)
+    request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), held=held)
+    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7))
+    found = arm.resolved(q, {"joystick": along}, request, seen)
     assert found.scale == 1.0
     assert found.limits == ()
     for twist in (found.twist, held.part(k.J @ found.dq)):
@@ -106,8 +108,8 @@ def test_axes_are_let_go_and_held_again_without_a_jump_of_joint_rates(pa10, star
         run.set(held=held)
         for _ in range(80):
             output = run.tick(stick=push)
-            asked.append(output.self_motion.dq)
-        assert (output.axes_held is None) if held is None else output.axes_held is held
+            asked.append(output.desired.found.self_motion.dq)
+        assert (output.task.held is None) if held is None else output.task.held is held
     steps = np.abs(np.diff(np.array(asked), axis=0))[1:].max()
     assert steps < 0.12 * np.abs(asked).max()
     run.observe()
@@ -116,10 +118,10 @@ def test_axes_are_let_go_and_held_again_without_a_jump_of_joint_rates(pa10, star
 def test_axes_are_let_go_at_once_where_nothing_moves(pa10, start):
     run = start(pa10)
     run.set(held=holding(("rz",)))
-    assert run.tick(intent=Intent.HOLD).axes_held[5] == 0.0
+    assert run.tick(intent=Intent.HOLD).task.held[5] == 0.0
     run.set(held=None)
     output = run.tick()
-    assert output.axes_held[5] == pytest.approx(pa10.p.period_s / FREE_TIME_S)
+    assert output.task.held[5] == pytest.approx(pa10.p.period_s / FREE_TIME_S)
 
 
 def test_the_axes_of_another_mrf_are_that_frames_own(pa10, start, stick):
@@ -130,7 +132,7 @@ def test_the_axes_of_another_mrf_are_that_frames_own(pa10, start, stick):
     run.set(held=holding(("z",)), T_wrist_mrf=there, objectives=objectives)
     along = run.pose.R[:, 2]
     output = run.go(0.3, stick=stick(*(0.05 * along), 0.0, 0.0, 0.0))
-    np.testing.assert_allclose(output.twist, 0.0, atol=1e-12)
+    np.testing.assert_allclose(output.desired.twist, 0.0, atol=1e-12)
 
 
 def test_the_place_of_another_mrf_stands_while_the_tool_turns_about_it(pa10, start):

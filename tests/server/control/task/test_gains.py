@@ -98,11 +98,11 @@ def test_a_schedule_by_time_begins_anew_with_each_enable(scheduled, stick):
     T = run.arm.p.period_s
     for _ in range(2):
         first = run.tick(**given)
-        assert not first.gains["joystick"].any()
+        assert not first.task.gains["joystick"].any()
         output = run.go(0.8, **given)
         # A first-order lag behind a ramp of 1 /s lags by its time constant.
         lag = GAIN_TIME_S * (1.0 - np.exp(-0.8 / GAIN_TIME_S))
-        assert output.gains["joystick"][0] == pytest.approx(0.8 - lag, abs=2 * T)
+        assert output.task.gains["joystick"][0] == pytest.approx(0.8 - lag, abs=2 * T)
         run.go(0.5, intent=Intent.STOP)
         run.go(0.1, intent=Intent.HOLD)
     run.observe()
@@ -114,11 +114,11 @@ def test_a_schedule_by_force_softens_the_stick_in_contact(scheduled, stick):
     given = {"stick": stick(0, 0, 0.02, 0, 0, 0)}
     weight = run.arm.control.arms[0].weight(run.pose, run.settings)
     free = run.go(1.5, **given, wrench_sensor=weight)
-    assert free.gains["joystick"] == pytest.approx(np.ones(6), abs=1e-2)
+    assert free.task.gains["joystick"] == pytest.approx(np.ones(6), abs=1e-2)
     pressing = weight + np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     half = run.go(1.5, **given, wrench_sensor=pressing)
-    assert half.gains["joystick"] == pytest.approx(np.full(6, 0.625), abs=0.02)
-    assert np.linalg.norm(half.twists["joystick"]) == pytest.approx(0.0125, rel=0.05)
+    assert half.task.gains["joystick"] == pytest.approx(np.full(6, 0.625), abs=0.02)
+    assert np.linalg.norm(half.desired.twists["joystick"]) == pytest.approx(0.0125, rel=0.05)
     run.observe()
 
 
@@ -127,10 +127,10 @@ def test_a_schedule_by_distance_slows_the_approach_and_still_gets_there(schedule
     run = scheduled(slow)
     goal = PathGoal(Pose(run.pose.R, run.pose.p + np.array([-0.1, 0.05, 0.05])), 1)
     output = run.go(0.05, goal=goal)
-    far = output.gains["position"][0]
+    far = output.task.gains["position"][0]
     output = run.go(8.0, goal=goal)
     assert far == pytest.approx(2.0, rel=0.01)
-    assert output.gains["position"][0] == pytest.approx(1.0, abs=0.02)
+    assert output.task.gains["position"][0] == pytest.approx(1.0, abs=0.02)
     assert output.at_goal
     run.observe()
 
@@ -147,7 +147,7 @@ def test_whatever_a_schedule_says_gains_never_jump(scheduled, stick, rng):
         given = {"stick": stick(0.1, 0, 0, 0, 0.3, 0), "goal": goal, "wrench_sensor": wrench}
         run.go(0.15, **given)
     for source in ("joystick", "position", "force"):
-        gains = np.array([o.gains[source] for o in run.outputs])
+        gains = np.array([o.task.gains[source] for o in run.outputs])
         most = 0.01 / GAIN_TIME_S * run.settings.gains[source]
         assert (np.abs(np.diff(gains, axis=0)) <= most + 1e-12).all()
     run.observe()

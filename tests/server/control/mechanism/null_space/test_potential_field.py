@@ -148,10 +148,10 @@ def test_the_slope_in_the_self_motions_is_gone_within_two_seconds(start):
     arm, scene = arm_among("pa10", EVERY_KIND, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
     before = run.pose
-    first = run.tick(scene=scene).field.slope
+    first = run.tick(scene=scene).desired.found.field.slope
     last = run.go(2.0, scene=scene)
     assert first > 0.04
-    assert last.field.slope < 1e-3
+    assert last.desired.found.field.slope < 1e-3
     assert np.linalg.norm(run.pose.p - before.p) < 1e-3
     run.observe()
 
@@ -161,8 +161,8 @@ def test_the_strengths_do_not_change_how_quickly_the_slope_is_gone(start, streng
     potential = PotentialFieldSection(obstacles=strength, lines=strength, joint_limits=strength)
     arm, scene = arm_among("pa10", EVERY_KIND, potential, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
-    first = run.tick(scene=scene).field.slope
-    assert run.go(2.0, scene=scene).field.slope < 0.02 * first
+    first = run.tick(scene=scene).desired.found.field.slope
+    assert run.go(2.0, scene=scene).desired.found.field.slope < 0.02 * first
 
 
 def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start):
@@ -177,7 +177,7 @@ def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start
     leap = dataclasses.replace(scene, rounds=rounds)
     for _ in range(50):
         output = run.tick(scene=leap)
-        share = np.abs(output.self_motion.dq) / arm.p.joints.velocity
+        share = np.abs(output.desired.found.self_motion.dq) / arm.p.joints.velocity
         assert share.max() <= arm.p.redundancy.max_rate + 1e-12
     run.observe()
 
@@ -192,14 +192,14 @@ def test_self_motion_leaves_the_task_its_speed(start, stick):
         quiet = alone.tick(stick=push)
         output = both.tick(scene=scene, stick=push)
         assert output.scale == pytest.approx(quiet.scale, abs=0.05)
-    assert max(np.abs(o.self_motion.dq).max() for o in both.outputs) > 0.05
+    assert max(np.abs(o.desired.found.self_motion.dq).max() for o in both.outputs) > 0.05
 
 
 def test_a_field_that_nothing_follows_is_not_computed(start, monkeypatch):
     arm, scene = arm_among("pa10", EVERY_KIND, field=0.0)
     run = start(arm)
     monkeypatch.setattr(arm.p.capsules, "place", None)
-    assert run.go(0.1, scene=scene).field is None
+    assert run.go(0.1, scene=scene).desired.found.field is None
 
 
 def test_where_there_is_no_field_none_is_computed_or_told(start):
@@ -208,8 +208,8 @@ def test_where_there_is_no_field_none_is_computed_or_told(start):
     arm, scene = arm_among("pa10", EVERY_KIND, none, field=4.0)
     run = start(arm)
     output = run.go(0.1, scene=scene)
-    assert output.field is None
-    assert not output.self_motion.dq.any()
+    assert output.desired.found.field is None
+    assert not output.desired.found.self_motion.dq.any()
 
 
 def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
@@ -217,9 +217,9 @@ def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
     run = start(arm, arm.posture("ready") + SWUNG)
     monkeypatch.setattr(arm.p.capsules, "place", None)
     output = run.tick()
-    assert output.field.parts["joint_limits"] > 0.0
-    assert output.field.parts["obstacles"] == 0.0
-    assert output.self_motion.dq.any()
+    assert output.desired.found.field.parts["joint_limits"] > 0.0
+    assert output.desired.found.field.parts["obstacles"] == 0.0
+    assert output.desired.found.self_motion.dq.any()
 
 
 ON_THE_WAY = (ObstacleSection(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)
@@ -241,7 +241,7 @@ def test_a_six_joint_arm_goes_round_an_obstacle_on_its_path_and_comes_back_to_it
     off, nearest = [], []
     for _ in range(600):
         output = run.tick(scene=scene, goal=goal)
-        off.append(0.0 if output.off_path is None else output.off_path[2])
+        off.append(0.0 if output.task.off_path is None else output.task.off_path[2])
         nearest.append(np.linalg.norm(run.pose.p - [0.55, 0.0, 0.40]))
     assert max(off) > 0.03
     straight = np.abs(first.p - [0.55, 0.0, 0.40])[[0, 2]]
@@ -252,7 +252,7 @@ def test_a_six_joint_arm_goes_round_an_obstacle_on_its_path_and_comes_back_to_it
         assert abs(way[0]) < 2e-3
         assert abs(way[2] - d) < 5e-3
     gone = run.go(3.0, goal=goal)  # the obstacle is taken away
-    assert abs(gone.off_path[2]) < 1e-3
+    assert abs(gone.task.off_path[2]) < 1e-3
     assert gone.at_goal
     assert np.linalg.norm(run.pose.p - goal.T_world_target.p) < 1e-3
     run.observe()
@@ -268,11 +268,12 @@ def test_the_virtual_link_gives_way_no_further_than_it_is_long(start):
     link = LINK.model_copy(update={"stiffness": 1e-3, "longest": 0.03})
     run, scene, _, goal = crossing(start, ON_THE_WAY, link)
     run.go(6.0, scene=scene, goal=goal)
-    assert max(abs(o.off_path[2]) for o in run.outputs if o.off_path is not None) <= 0.03 + 1e-9
+    off = [o.task.off_path[2] for o in run.outputs if o.task.off_path is not None]
+    assert max(map(abs, off)) <= 0.03 + 1e-9
 
 
 def test_without_a_path_the_virtual_link_moves_nothing(start):
     run, scene, first, _ = crossing(start, ON_THE_WAY)
     output = run.go(1.0, scene=scene)
-    assert output.off_path is None
+    assert output.task.off_path is None
     np.testing.assert_allclose(run.pose.p, first.p, atol=1e-12)
