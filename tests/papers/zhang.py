@@ -11,7 +11,8 @@ from matplotlib.colors import ListedColormap
 from telerobot.config.load import load_cell
 from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.body import Environment, RateRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.inputs import Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.scene import Flags
 from telerobot.server.control.spatial import Array, Pose, pose_error, rotation_rpy, sizes
@@ -66,15 +67,17 @@ def errors(arm: Arm, ahead_m: float, sign: float = 1.0) -> Array:
     target = arm.mechanism.pose_wrist(q, base) @ mrf
     away = target.p + np.array([ahead_m, 0.1 * ahead_m, 0.0])
     target = Pose(rotation_rpy(0.2, 0.1, -0.2) @ target.R, away)
-    found = []
+    settings = Settings({}, mrf, Pose.identity(), np.zeros(6))
+    inputs, found = Inputs(0.0, Intent.MOVE, q, settings), []
     for i in range(STEPS + 1):
         k = arm.mechanism.kinematics(q, mrf, base)
         e = pose_error(target, k.T_world_mrf)
         found.append(sizes(e))
         if i == STEPS:
             break
-        request = RateRequest(sign * K * e, np.zeros(3), arm.redundancy.objectives, 1.0, spare=True)
-        q = q + STEP_S * arm.body.rates(q, k, request, Environment(T_world_base=base)).dq
+        request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), sign * K * e)
+        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), T_world_base=base)
+        q = q + STEP_S * arm.body.rates(q, seen, request).dq
         base = ROLLING.roll(base, q[:2])
     return np.array(found)
 
