@@ -19,7 +19,7 @@ from telerobot.tools.init.make import make
 from telerobot.tools.init.wheels import base_of
 
 from .rovers import LEFT, OVER_FLOOR, RADIUS, RIGHT, TRACK, Wheel, write_rover
-from .twins import write_twins
+from .twins import JOINTS, write_twins
 
 BACKWARD = {"rpy": "1.57 0 0"}
 """The joint's own z axis is -y of the chassis."""
@@ -112,6 +112,32 @@ def test_wheels_are_found_beside_a_link_whose_inertia_no_body_can_have(tmp_path)
     assert 'mass value="0.3"/><inertia ixx="0.003"' in urdf.read_text()
     urdf.write_text(urdf.read_text().replace('<inertia ixx="0.003"', '<inertia ixx="3"'))
     assert isinstance(base(urdf), Wheels)
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ('velocity="10" effort="20"', []),
+        ('velocity="10"', ["torque limit of {} is missing, or absurd"]),
+        ('velocity="10" effort="0.1"', ["torque limit of {} is 0.1, and would not drive the base"]),
+        ('velocity="10" effort="1e9"', ["torque limit of {} is missing, or absurd"]),
+        ('effort="20"', ["no speed limit of {}"]),
+        ("", ["no speed limit of {}", "torque limit of {} is missing"]),
+    ],
+)
+def test_a_wheels_drive_moves_the_base_and_stops_it_within_a_second(tmp_path, limit, told):
+    """Closed form: half of the mass at the rim, by 1 m/s² at most."""
+    urdf = write_rover(tmp_path)
+    urdf.write_text(urdf.read_text().replace('velocity="10" effort="20"', limit))
+    found, mass = base(urdf), 30.0 + 2.0 + 0.4 + sum(row[4] for row in JOINTS)
+    assert isinstance(found, Wheels)
+    for drive in found.drives:
+        words = zip(told, drive.notes, strict=True)
+        assert all(each.format(drive.joint) in note for each, note in words)
+        assert 0.05 * mass * RADIUS <= drive.acceleration * 0.5 * mass * RADIUS**2 <= drive.torque
+        assert drive.acceleration * RADIUS <= 1.0
+        assert drive.velocity <= 0.9 * drive.acceleration
+        assert 0.5 * TRACK * found.angular_speed + found.speed <= drive.velocity * RADIUS
 
 
 def test_an_arm_that_stands_has_no_base(tmp_path, odd):

@@ -124,14 +124,19 @@ def _drive(plan: ScriptFigures, wheels: Wheels, at: float) -> tuple[list[str], f
     v, w = away * min(0.15, wheels.speed), aside * min(0.3, wheels.angular_speed)
     go_s, turn_s = AWAY / abs(v), TURN / abs(w)
     steps = ["# the base: straight away from the wall, a turn, and back again"]
-    for rates, for_s in (
-        ((v, 0.0), go_s), ((0.0, w), turn_s), ((0.0, -w), turn_s), ((-v, 0.0), go_s),
-    ):  # fmt: skip
-        steps += [
-            _step(at, f'"cmd/drive" = {{ rates = {_list(np.array(rates))} }}', round(for_s, 2))
-        ]
+    for ahead, turn, for_s in (
+        (v, 0.0, go_s),
+        (0.0, w, turn_s),
+        (0.0, -w, turn_s),
+        (-v, 0.0, go_s),
+    ):
+        steps += [_driven(at, ahead, turn), _driven(at + for_s, 0.0, 0.0)]
         at += for_s + 1.0
-    return steps, at, 1.8 * AWAY
+    return steps, at, 1.9 * AWAY
+
+
+def _driven(at: float, ahead: float, turn: float) -> str:
+    return _step(at, f'"cmd/drive" = {{ rates = {_list(np.array([ahead, turn]))} }}')
 
 
 def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:

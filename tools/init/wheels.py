@@ -24,7 +24,9 @@ STRAIGHT: Final = (
     2.0 / 3.0
 )  # part of a wheel's speed for going straight on, the rest is to turn [1]
 SPEED: Final = (0.5, 1.0)  # most of a base [m/s], [rad/s]
-TO_SPEED_S: Final = 0.7  # time in which the acceleration reaches the greatest speed [s]
+STOPS_S: Final = 0.85  # time in which the acceleration ends the greatest speed [s]
+STARTS: Final = 1.0  # a base accelerates no more [m/s²]
+PART: Final = 0.6  # of a wheel's torque that accelerates the base [1]
 _OF_A_CASTER: Final = re.compile(r"caster|castor|swivel", re.IGNORECASE)
 
 
@@ -186,16 +188,17 @@ def _drive(joint: ET.Element, radius: float, mass: float) -> DriveDraft:
     if speed <= 0.0:
         notes.append(f"the URDF has no speed limit of {name}")
     velocity = min(0.5 * speed if speed > 0.0 else UNKNOWN_SPEED, RIM / radius)
-    inertia = 0.5 * mass * radius**2
-    acceleration = min(QUICKEST, max(velocity, 0.05) / TO_SPEED_S)
-    needed = inertia * acceleration
-    if not needed < torque <= STRONGEST:
+    acceleration = min(QUICKEST, STARTS / radius)
+    inertia = 1.3 * 0.5 * mass * radius**2  # with the rotor's
+    needed = inertia * min(acceleration, velocity / STOPS_S)
+    if not 0.3 * needed < torque <= STRONGEST:
         told = "is missing, or absurd"
         if 0.0 < torque <= STRONGEST:
             told = f"is {torque:g}, and would not drive the base, which takes {needed:.3g}"
         notes.append(f"the URDF's torque limit of {name} {told}")
-        torque = float(f"{3.0 * needed + 0.5:.2g}")
-    acceleration = max(0.05, min(acceleration, 0.33 * torque / (1.3 * inertia + 5e-3)))
+        torque = float(f"{2.0 * needed + 0.5:.2g}")
+    acceleration = max(0.05, min(acceleration, PART * torque / inertia))
+    velocity = max(2e-3, min(velocity, STOPS_S * acceleration))
     return DriveDraft(name, False, velocity, acceleration, torque, notes=notes, rolls=True)
 
 
