@@ -79,4 +79,4 @@ def allowed(number: Number) -> str:
     if math.isinf(number.high):
         return f"≥ {number.low:.4g}"
     middle, half = 0.5 * (number.low + number.high), 0.5 * (number.high - number.low)
-    return f"{middle:.5g} ± {half:.1g}"
+    return f"{middle:.5g} ± {half:.2g}"

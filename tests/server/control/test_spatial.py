@@ -1,6 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from laboratory.papers.williams import at_wrist
 from telerobot.server.control import spatial
 from telerobot.server.control.spatial import (
     Pose,
@@ -180,11 +181,6 @@ def test_the_quick_cross_product_is_the_cross_product(rng):
     for a, b in rng.normal(size=(20, 2, 3)):
         np.testing.assert_allclose(cross(a, b), np.cross(a, b), atol=1e-15)
         np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), atol=1e-15)
-
-
-def at_wrist(twist_mrf, T_wrist_mrf):
-    """The Wrist's twist in its own axes, of the MRF's in its own: eq. 1."""
-    return twist_at(rotate_twist(T_wrist_mrf.R, twist_mrf), -T_wrist_mrf.p)
 
 
 def test_eq_1_agrees_with_pinocchio(rng, random_pose):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from laboratory.papers.williams import grasp_maps, least_squares
 from telerobot.server.control.grasps.load_shares import (
     greatest,
     internal,
@@ -10,22 +11,6 @@ from telerobot.server.control.grasps.load_shares import (
 )
 
 CASES = [(arms, equal, seed) for arms in (2, 3) for equal in (True, False) for seed in range(5)]
-
-
-def grasp_maps(p):
-    """Return G (k, 6, 6) = [I 0; p̂ I] of grasps at p (k, 3), by numpy's cross products."""
-    G = np.tile(np.eye(6), (len(p), 1, 1))
-    G[:, 3:, :3] = np.cross(p[:, None], np.eye(3)).transpose(0, 2, 1)
-    return G
-
-
-def least_squares(G, weights, wrench):
-    """Solve the optimality conditions as one dense system: 2 W h + Gᵀλ = 0, Σ G h = w."""
-    k = 6 * len(G)
-    across = np.concatenate(list(G), axis=1)
-    conditions = np.block([[np.diag(weights.ravel()), across.T], [across, np.zeros((6, 6))]])
-    found = np.linalg.lstsq(conditions, np.concatenate([np.zeros(k), wrench]), rcond=None)[0]
-    return found[:k].reshape(-1, 6)
 
 
 @pytest.mark.parametrize(("arms", "equal", "seed"), CASES)
