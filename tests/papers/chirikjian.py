@@ -6,11 +6,13 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
+from telerobot.config.load import load_cell
 from telerobot.server.control.backbone.fit import Chain
 from telerobot.server.control.spatial import Array
 
-from .exhibit import Exhibit, Paper, Shown, at_most, recalled
+from .exhibit import Exhibit, Paper, Shown, at_least, at_most, recalled
 from .maze import MAZE, S1, H, L, alternating, descended, planar, planar_points
+from .runs import run
 from .style import BODY, BOUND, COLOURS, PRINTED, above, label, panels, svg
 
 FREE = 0.68
@@ -166,6 +168,43 @@ def figure_5() -> Shown:
     )
 
 
+def slither() -> Shown:
+    """Show thirty driven joints that slither through the maze, in the physics."""
+    found, cell = run("snake", "figure_5"), load_cell("snake")
+    chain = Chain.from_cell(cell)
+    length = chain.length
+    told = [state.insertion for state in found.states]
+    free = np.array([np.nan if i is None else 1.0 - i["depth"] / length for i in told])
+    clock = np.array([state.time_s for state in found.states])
+    figure, axes = panels(2, 3, 4.4, sharex=True, sharey=True)
+    offs, apart = [], 0.0
+    for i, (ax, s1) in enumerate(zip(axes, S1, strict=True)):
+        _maze(ax)
+        at = int(np.nanargmin(np.abs(free - s1)))
+        apart = max(apart, abs(float(free[at]) - s1))
+        truth = min(found.truths, key=lambda truth: abs(truth.time_s - clock[at]))
+        placed = chain.points(np.array([truth.q]))[0][:, :2] / length
+        curve = printed_curve(float(free[at]), chain.stations / length)
+        offs.append(1e3 * length * farthest(placed[1:], curve))
+        ax.plot(*placed.T, color=COLOURS[0], marker="o", ms=2.0, lw=1.1, label="30 driven joints")
+        ax.plot(*curve.T, **PRINTED | {"ms": 2.8, "mew": 0.6}, label="eqs. 4 and 25")
+        label(ax, "x₁ [1]" if i > 2 else "", "x₂ [1]" if i % 3 == 0 else "", f"s₁ = {s1:.2f}")
+    above(figure, axes[0])
+    gap = 1e3 * min(t.clearance_m for t in found.truths if t.clearance_m is not None)
+    press = max(arm.contact_peak for t in found.truths for arm in t.arms.values())
+    return Shown(
+        [
+            at_most("s₁ of the six instants, from the printed ones", apart, "0", 2e-3),
+            at_most(
+                "farthest joint off the curve, arm of 1.5 m", max(offs), "left open", 4.0, "mm"
+            ),
+            at_least("least distance from the tunnel's walls", gap, "confined", 8.0, "mm"),
+            at_most("force on the walls", press, "0", 0.0, "N"),
+        ],
+        svg(figure),
+    )
+
+
 def growth() -> Shown:
     """Show what the fit leaves, from 10 to 1000 joints."""
     G, offs, dense = [], [], []
@@ -277,6 +316,18 @@ CHIRIKJIAN = Paper(
             "Ten links of the server's fit; circles are where the curve is at i / n.",
             'make papers ARGS="--only figure_5"',
             figure_5,
+        ),
+        "slither": Exhibit(
+            "Figs. 4 and 5, section 3.1",
+            "Thirty driven joints in the maze",
+            "The arm slithers through the tunnel: inside, its curvature is a travelling wave.",
+            "As s₁ comes down to h, dμ/ds₁ has no bound, and joints would have to turn infinitely "
+            "fast: the server ends at s₁ = 0.42. The insertion is as fast as every joint's "
+            "bounds allow.",
+            "An arm of 1.5 m in the physics, on drives of two buses, at the instants when its free "
+            "length is the printed one.",
+            'make papers ARGS="--only slither"; telerobot simulate snake figure_5',
+            slither,
         ),
         "growth": Exhibit(
             "Eq. 30",
