@@ -251,7 +251,7 @@ class Arm:
         self.redundancy = Redundancy(joints, dynamics, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
         self.body = build(p, mechanism, self.redundancy, field)
-        room = JointLimits.of(joints, T)
+        room = JointLimits(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
         self.retreat = None
         if p.retreat_leash is not None:

@@ -59,15 +59,7 @@ class Control:
             self.joint = JointTasks(cell, self.arms, self._limiter_of)
         # Scratch: how all joints were told to go in the last tick, and those of each arm.
         self._limited: tuple[Limited, tuple[Limited, ...]] | None = None
-        self.gate = Gate(
-            joints.names,
-            joints.lower,
-            joints.upper,
-            joints.velocity,
-            joints.acceleration,
-            joints.jerk,
-            T,
-        )
+        self.gate = Gate(joints, T)
         if guard is not None and len(self.arms) == 1 and guard.capsules is p.capsules:
             self.arms[0].shared = guard.capsules
 
@@ -192,10 +184,7 @@ class Control:
         joints = Joints.of_all([arm.p.joints for arm in self.arms])
         every = np.arange(joints.n)
         return Limiter(
-            joints.lower,
-            joints.upper,
-            joints.acceleration,
-            joints.jerk,
+            joints,
             self.arms[0].p.period_s,
             [np.concatenate([every[self.parts[i]] for i in group]).tolist() for group in groups]
             + [

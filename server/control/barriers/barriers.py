@@ -79,7 +79,7 @@ class ConstraintSet:
         self._velocity = joined(self._velocities)
         self._length = length
         self.guard = guard
-        self.rooms = tuple(JointLimits.of(arm, period_s) for arm in joints)
+        self.rooms = tuple(JointLimits(arm, period_s) for arm in joints)
         self.parts = parts_of([arm.n for arm in joints])
         """Where each mechanism's joints are among all."""
         self._counts = [arm.n for arm in joints]

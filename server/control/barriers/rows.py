@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -395,40 +395,16 @@ class Within(NamedTuple):
 class JointLimits:
     """Rate bounds from position limits and from the leash, for n joints."""
 
-    def __init__(
-        self,
-        lower: Array,
-        upper: Array,
-        acceleration: Array,
-        jerk: Array,
-        velocity: Array,
-        leash: Array,
-        period_s: float,
-        window: Array | None = None,
-    ) -> None:
-        self._lower = lower
-        self._upper = upper
-        self._a = BRAKING * acceleration
-        self._b = self._a * 2.0 * (acceleration / jerk + period_s)
-        self._velocity = velocity
-        self._leash = leash
-        self._window = 2.0 * leash if window is None else window
+    def __init__(self, joints: Joints, period_s: float) -> None:
+        """Build it for the joints of one mechanism."""
+        self._lower, self._upper = joints.lower, joints.upper
+        self._a = BRAKING * joints.acceleration
+        self._b = self._a * 2.0 * (joints.acceleration / joints.jerk + period_s)
+        self._velocity = joints.velocity
+        self._leash = joints.leash
+        # A window that is wider is for joints that a collision throws back, not for commands.
+        self._window = np.minimum(joints.following_window, 2.0 * joints.leash)
         self._period_s = period_s
-
-    @classmethod
-    def of(cls, joints: Joints, period_s: float) -> Self:
-        """Build that of one mechanism's joints."""
-        return cls(
-            joints.lower,
-            joints.upper,
-            joints.acceleration,
-            joints.jerk,
-            joints.velocity,
-            joints.leash,
-            period_s,
-            # A window that is wider is for joints that a collision throws back, not for commands.
-            np.minimum(joints.following_window, 2.0 * joints.leash),
-        )
 
     def within(self, dq: Array, most: Array, q: Array, error: Array) -> Within:
         """Return rates dq (n,) scaled to the bounds `most` (n,), and what all bounds allow.

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..compiled import MATRIX, VECTOR, compiled
+from ..joints import Joints
 from ..spatial import Array, Motion
 from .profile import Stop
 from .trajectory import TrajectoryError, VelocityPlanner
@@ -66,10 +67,7 @@ class Limiter:
 
     def __init__(
         self,
-        lower: Array,
-        upper: Array,
-        acceleration: Array,
-        jerk: Array,
+        joints: Joints,
         period_s: float,
         groups: Sequence[Sequence[int]] = (),
         parts: Sequence[slice] = (),
@@ -78,10 +76,9 @@ class Limiter:
 
         Those of each part, as of one arm, get to their rates together; all where there are none.
         """
-        self._lower = lower
-        self._upper = upper
-        self._acceleration = HEADROOM * acceleration
-        self._jerk = HEADROOM * jerk
+        self._lower, self._upper = joints.lower, joints.upper
+        self._acceleration = HEADROOM * joints.acceleration
+        self._jerk = HEADROOM * joints.jerk
         self._period_s = period_s
         self._planner = VelocityPlanner(self._acceleration, self._jerk, groups, parts)
         self._factor = 1.0
@@ -168,26 +165,16 @@ ROUNDING = 1e-11
 class Gate:
     """Bounds (n,) that every sent posture keeps."""
 
-    def __init__(
-        self,
-        joints: tuple[str, ...],
-        lower: Array,
-        upper: Array,
-        velocity: Array,
-        acceleration: Array,
-        jerk: Array,
-        period_s: float,
-    ) -> None:
-        self._joints = joints
-        self._lower = lower
-        self._upper = upper
+    def __init__(self, joints: Joints, period_s: float) -> None:
+        self._joints = joints.names
+        self._lower, self._upper = joints.lower, joints.upper
         T = period_s
         more = 1.0 + TOLERANCE
         self._steps = np.array(
             [
-                more * velocity * T + 2 * ROUNDING,
-                more * acceleration * T**2 + 4 * ROUNDING,
-                more * jerk * T**3 + 8 * ROUNDING,
+                more * joints.velocity * T + 2 * ROUNDING,
+                more * joints.acceleration * T**2 + 4 * ROUNDING,
+                more * joints.jerk * T**3 + 8 * ROUNDING,
             ]
         )
         self._units = (("speed", "rad/s", T), ("acceleration", "rad/s²", T**2),

@@ -4,6 +4,8 @@ from telerobot.server.control.barriers.rows import JointLimits, Room
 from telerobot.server.control.spatial import Motion
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
+from ..bounds import bounded
+
 T = 0.01
 
 
@@ -19,8 +21,7 @@ def stopping_distance(v, A, J):
 
 
 def room_of(A, J, V, reach=1.0):
-    n = len(A)
-    return JointLimits(-reach * np.ones(n), reach * np.ones(n), A, J, V, 0.03 * np.ones(n), T)
+    return JointLimits(bounded(-reach, np.full(len(A), reach), A, J, V), T)
 
 
 def test_a_joint_at_the_speed_allowed_can_stop_in_the_room_left(rng):

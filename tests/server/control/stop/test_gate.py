@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 from telerobot.server.control.stop.limiter import Gate
 
+from ..bounds import bounded
+
 T = 0.01
 BOUNDS = {"speed": 1.0, "acceleration": 50.0, "jerk": 20_000.0}
 TIMES = T * np.arange(4)[::-1]
@@ -9,10 +11,7 @@ TIMES = T * np.arange(4)[::-1]
 
 def gate(**bounds):
     V, A, J = ([b, 1e9] for b in {**dict.fromkeys(BOUNDS, 1e12), **bounds}.values())
-    return Gate(
-        ("wrist", "elbow"), np.array([-2.0, -2.0]), np.array([2.0, 2.0]),
-        np.array(V), np.array(A), np.array(J), T,
-    )  # fmt: skip
+    return Gate(bounded(-2.0, np.full(2, 2.0), A, J, V, names=("wrist", "elbow")), T)
 
 
 def posture(wrist, elbow=0.0):
@@ -104,7 +103,7 @@ def test_what_is_not_a_number_is_refused_and_its_joint_named(value):
 
 def test_the_joint_that_is_furthest_out_is_the_one_named():
     rest = posture(0.0)
-    both = Gate(("a", "b"), -rest - 2, rest + 2, *([np.array([1.0, 1.0])] * 3), T)
+    both = Gate(bounded(-2.0, rest + 2.0, 1.0, 1.0, 1.0, names=("a", "b")), T)
     assert both.refusal(posture(0.02, -0.03), (rest, rest, rest)).startswith("b: speed -3 ")
     assert both.refusal(posture(0.03, -0.03), (rest, rest, rest)).startswith("a: speed 3 ")
     assert both.refusal(posture(2.5, -2.5), (rest, rest, rest)).startswith("a: position 2.5")

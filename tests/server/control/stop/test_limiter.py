@@ -4,6 +4,8 @@ from telerobot.server.control.spatial import Motion
 from telerobot.server.control.stop.limiter import Limited, Limiter
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
+from ..bounds import bounded
+
 T = 0.01
 N = 4
 
@@ -35,7 +37,7 @@ def test_no_hostile_target_takes_a_joint_beyond_any_bound(seed, groups):
     rng = np.random.default_rng(seed)
     V, A, J = strengths(rng)
     upper = rng.uniform(0.2, 1.5, N)
-    limiter = Limiter(-upper, upper, A, J, T, groups)
+    limiter = Limiter(bounded(-upper, upper, A, J), T, groups)
     motion = Motion.at_rest(np.zeros(N))
     stop, sent = limiter.verified_stop(motion), [motion.q] * 3
     taken_over = 0
@@ -64,7 +66,7 @@ def test_changing_the_speed_factor_in_full_motion_breaks_no_bound(seed):
     rng = np.random.default_rng(seed)
     V, A, J = strengths(rng)
     upper = rng.uniform(0.2, 1.5, N)
-    limiter = Limiter(-upper, upper, A, J, T)
+    limiter = Limiter(bounded(-upper, upper, A, J), T)
     motion = Motion.at_rest(np.zeros(N))
     stop, sent, factor = limiter.verified_stop(motion), [motion.q] * 3, 1.0
     for target in hostile(rng, V, 800):
@@ -80,7 +82,7 @@ def test_changing_the_speed_factor_in_full_motion_breaks_no_bound(seed):
 
 
 def one_joint(upper=1.0):
-    return Limiter(-np.ones(1), np.array([upper]), np.array([5.0]), np.array([100.0]), T)
+    return Limiter(bounded(-1.0, upper, 5.0, 100.0), T)
 
 
 def test_any_moment_is_a_good_one_to_stop():
@@ -155,7 +157,7 @@ def test_rest_that_is_asked_for_at_rest_changes_nothing():
 
 
 def test_a_joint_whose_range_is_far_from_zero_moves_as_freely():
-    limiter = Limiter(np.array([2.0]), np.array([3.0]), np.array([5.0]), np.array([100.0]), T)
+    limiter = Limiter(bounded(2.0, 3.0, 5.0, 100.0), T)
     motion = Motion.at_rest(np.array([2.2]))
     stop = limiter.verified_stop(motion)
     for _ in range(300):
@@ -196,7 +198,7 @@ def test_reduced_speed_reduces_the_acceleration_and_not_the_jerk(factor):
                 assert motion.ddq == pytest.approx(expected)
     assert motion.ddq == pytest.approx(factor * 0.9999 * 5.0)
     # And so does the stop that is held.
-    slow = Limiter(-np.ones(1), np.array([100.0]), factor * np.array([5.0]), np.array([100.0]), T)
+    slow = Limiter(bounded(-1.0, 100.0, factor * 5.0, 100.0), T)
     assert limiter.verified_stop(motion).duration_s == pytest.approx(
         slow.verified_stop(motion).duration_s
     )
@@ -205,7 +207,7 @@ def test_reduced_speed_reduces_the_acceleration_and_not_the_jerk(factor):
 def tried(target, refused, judge_of=lambda stop: 0.0):
     """What a limiter tries when a judge refuses the first so many stops, and what it takes."""
     n = len(target)
-    limiter = Limiter(-np.full(n, 9.0), np.full(n, 9.0), A4[:n], J4[:n], STEP_S)
+    limiter = Limiter(bounded(-9.0, np.full(n, 9.0), A4[:n], J4[:n]), STEP_S)
     motion = Motion.at_rest(np.zeros(n))
     seen = []
 
@@ -241,9 +243,7 @@ def test_between_no_things_the_twentieth_part_is_not_tried():
     """Where it alone would be inside the limits, the stored stop goes on."""
     motion = Motion.at_rest(np.zeros(1))
     for upper, stopped in ((0.02, False), (0.004, True)):
-        limiter = Limiter(
-            -np.ones(1), np.array([upper]), np.array([5.0]), np.array([100.0]), STEP_S
-        )
+        limiter = Limiter(bounded(-1.0, upper, 5.0, 100.0), STEP_S)
         held = limiter.verified_stop(motion)
         limited = limiter.step(motion, held, np.array([0.1]), 1.0)
         assert limited.stopped == stopped
@@ -316,14 +316,12 @@ def test_a_stop_that_has_run_out_is_rest_without_a_rounding():
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_stop_may_reach_a_bound_and_not_pass_it(side):
     """The stop of the motion that is tried ends at the bound to the last bit, or just beyond."""
-    free = Limiter(-np.full(1, 9.0), np.full(1, 9.0), np.array([5.0]), np.array([100.0]), T)
+    free = Limiter(bounded(-9.0, 9.0, 5.0, 100.0), T)
     motion = Motion.at_rest(np.zeros(1))
     taken = free.step(motion, free.verified_stop(motion), np.array([side]), 1.0)
     reached = max(abs(taken.stop.low[0]), abs(taken.stop.high[0]))
     for bound, whole in ((reached, True), (np.nextafter(reached, 0.0), False)):
-        tight = Limiter(
-            np.array([-bound]), np.array([bound]), np.array([5.0]), np.array([100.0]), T
-        )
+        tight = Limiter(bounded(-bound, bound, 5.0, 100.0), T)
         limited = tight.step(motion, tight.verified_stop(motion), np.array([side]), 1.0)
         assert np.array_equal(limited.motion.q, taken.motion.q) == whole
 
@@ -342,5 +340,5 @@ def test_at_the_very_end_of_a_stop_nothing_is_left_of_a_rounding(rng):
         motion = Motion(np.zeros(3), rng.normal(size=3), rng.normal(size=3))
         stop = VelocityPlanner(np.full(3, 5.0), np.full(3, 100.0)).stop(motion)
         wide = np.full(3, 99.0)
-        limiter = Limiter(-wide, wide, wide, wide, stop.duration_s)
+        limiter = Limiter(bounded(-wide, wide, wide, wide), stop.duration_s)
         assert limiter.go_on(stop).motion.stands()
