@@ -305,7 +305,8 @@ class Arm:
         motion, mrf = memory.motion, inputs.settings.T_wrist_mrf
         base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
-        task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
+        memory = self.tuned(memory, inputs, k, wrist)
+        task, objectives = memory.task, memory.objectives
         placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(motion.q[None], base)
@@ -353,10 +354,7 @@ class Arm:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
             memory,
-            wrist=wrist,
             task=task,
-            objectives=objectives,
-            moving_since_s=since_s if inputs.intent is Intent.MOVE else None,
             near=near,
             retreat=retreat,
             insertion=asked.found.insertion,
@@ -379,12 +377,10 @@ class Arm:
 
     # --- gains -------------------------------------------------------------------------------
 
-    def tuned(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory
-    ) -> tuple[TaskMemory, ObjectiveGains, float]:
-        """Return the gains in effect: of the task and of the redundancy objectives.
+    def tuned(self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory) -> Memory:
+        """Return the memory with the newest wrench, and with the gains in effect.
 
-        They are scheduled, and ramped while moving. And since when the arm may move [s].
+        Those of the task and of the redundancy objectives are scheduled, and ramped while moving.
         """
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         objectives = settings.objectives or self.redundancy.objectives
@@ -399,7 +395,13 @@ class Arm:
         )
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
-        return task, objectives, since_s
+        return evolve(
+            memory,
+            wrist=wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s if moving else None,
+        )
 
     # --- what is asked for -------------------------------------------------------------------
 

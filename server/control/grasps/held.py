@@ -63,10 +63,6 @@ class GraspStatus(NamedTuple):
 
     task: str
     """Name of the joint task."""
-    wrench: Array | None
-    """Wrench that it exerts on the payload at its grasp, axes of the MRF (6,); None when stale."""
-    desired: Array
-    """Its share of what all are to exert (6,)."""
     internal_force: float | None
     """Greatest force at any grasp that moves nothing [N]; None without all wrenches."""
     internal_moment: float | None

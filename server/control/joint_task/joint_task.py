@@ -15,7 +15,7 @@ from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
-from ..inputs import Inputs, Intent, ObjectiveGains
+from ..inputs import Inputs, Intent
 from ..mechanism.model import at_mrf
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Forest
@@ -25,7 +25,6 @@ from ..state import Memory, Output
 from ..stop.limiter import Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted
-from ..task.sources import ForceState
 from ..task.task import Task, TaskMemory
 from .forces import SLIPPED_S, AtFault, GivingWay, Grasping, Grips, Moving, Told, light_s, weighed
 
@@ -274,17 +273,6 @@ class _Of(NamedTuple):
     held: GraspState
 
 
-class _Tuned(NamedTuple):
-    """One arm's gains in effect, and how it gives way at its grasp."""
-
-    task: TaskMemory
-    objectives: ObjectiveGains
-    since_s: float
-    way: Array
-    """The twist (6,) of the MRF by which it does, World axes."""
-    force: ForceState
-
-
 class JointTask:
     """The control computation of one task that several arms hold."""
 
@@ -349,7 +337,7 @@ class JointTask:
             light = light_s(before_s, forces, T_world_mrf.R[2], T)
         lost = max(light) >= SLIPPED_S
         tuned = [self._tuned(i, of, forces, T_world_mrf.R, lost) for i, of in enumerate(each)]
-        factor, ways = told.settings.speed_factor, [t.way for t in tuned]
+        factor, ways = told.settings.speed_factor, [way for _, way in tuned]
         wanted, way = bool(told.wrench_desired.any()), sum(ways, np.zeros(6)) / len(ways)
         sums = Told(forces.contact, wanted, T_payload_mrf, T_world_mrf, twist, way)
         intent = Intent.STOP if lost else told.intent
@@ -360,15 +348,17 @@ class JointTask:
         moving = told.intent is Intent.MOVE
         strained = self._giving_way.strained(forces) if moving else None
         members = []
-        for i, (seen, t) in enumerate(zip(each, tuned, strict=True)):
-            of = seen._replace(held=evolve(seen.held, light_s=light[i], weighed=known))
-            away = apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0]
+        for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True)):
+            rates = self._wanted(i, of, memory, {"common": twist, "force": way}, share)
+            rates = rates._replace(twists={**twists, "force": way}, twist=twist)
             holding = GraspStatus(
-                self.name, forces.exerted[i], forces.desired[i], forces.internal_force,
-                forces.internal_moment, strained, light[i] >= SLIPPED_S, known.load, away,
-                of.held.redefined,
+                self.name, forces.internal_force, forces.internal_moment, strained,
+                light[i] >= SLIPPED_S, known.load,
+                apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0], of.held.redefined,
             )  # fmt: skip
-            members.append(self._member(i, of, t, twists, twist, share, holding))
+            held = evolve(memory.held, light_s=light[i], weighed=known)
+            memory_of_arm = evolve(memory, held=held)
+            members.append(Member(memory_of_arm, of.inputs, of.seen, rates, share * way, holding))
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
             slowed = self.at_fault.slowed(
@@ -470,17 +460,19 @@ class JointTask:
             found.append(_Of(before[i], given, seen, wrists[i], held[i]))
         return found, mean
 
-    def _tuned(self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool) -> _Tuned:
-        """Return one arm's gains in effect, and the twist by which it gives way with them.
+    def _tuned(
+        self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool
+    ) -> tuple[Memory, Array]:
+        """Return one arm's memory with its gains in effect, and the twist of giving way with them.
 
-        None does that while the payload is `lost`: they would go up and down after their shares.
+        That is the MRF's (6,), in World axes. None gives way while the payload is `lost`: they
+        would go up and down after their shares.
         """
-        arm = self.arms[i]
-        task, objectives, since_s = arm.tuned(of.before, of.inputs, of.seen.kinematics, of.wrist)
-        gain, at = task.gains.get("force", np.zeros(6)), of.seen.kinematics.T_world_wrist.p
+        memory = self.arms[i].tuned(of.before, of.inputs, of.seen.kinematics, of.wrist)
+        gain, at = memory.task.gains.get("force", np.zeros(6)), of.seen.kinematics.T_world_wrist.p
         intent = Intent.STOP if lost else of.inputs.intent
         way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
-        return _Tuned(task, objectives, since_s, way, state)
+        return evolve(memory, held=evolve(of.held, force=state)), way
 
     def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
         """Return what one arm is asked for, for what a fault would then do."""
@@ -491,37 +483,17 @@ class JointTask:
             R @ forces.p[i], rotate_twist(R, forces.desired[i]),
         )  # fmt: skip
 
-    def _member(
-        self,
-        i: int,
-        of: _Of,
-        tuned: _Tuned,
-        twists: dict[str, Array],
-        twist: Array,
-        share: float,
-        holding: GraspStatus,
-    ) -> Member:
-        """Return one arm's part: the common twist and its own, resolved into joint rates."""
+    def _wanted(
+        self, i: int, of: _Of, memory: Memory, twists: dict[str, Array], share: float
+    ) -> DesiredRates:
+        """Return the twists of one arm, those in common and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
         R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
-        request = RateRequest(given, tuned.objectives, R @ (arm.p.T_wrist_tool.p - mrf.p))
-        twists_of_arm = {"common": share * twist, "force": share * tuned.way}
-        wanted = arm.resolved(of.before.motion.q, twists_of_arm, request, of.seen)
-        wanted = wanted._replace(
-            twists={**twists, "force": tuned.way},
-            twist=twist,
-            scale=share,
-            limits=(*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits,
-        )
-        memory = evolve(
-            of.before,
-            wrist=of.wrist,
-            task=tuned.task,
-            objectives=tuned.objectives,
-            moving_since_s=tuned.since_s if given.intent is Intent.MOVE else None,
-            held=evolve(of.held, force=tuned.force),
-        )
-        return Member(memory, given, of.seen, wanted, share * tuned.way, holding)
+        request = RateRequest(given, memory.objectives, R @ (arm.p.T_wrist_tool.p - mrf.p))
+        slowed = {name: share * twist for name, twist in twists.items()}
+        wanted = arm.resolved(of.before.motion.q, slowed, request, of.seen)
+        limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits
+        return wanted._replace(scale=share, limits=limits)
 
 
 def _of_member(own: Inputs, told: Inputs, held: GraspState, T_payload_mrf: Pose) -> Inputs:

@@ -249,9 +249,8 @@ def test_an_internal_moment_beyond_its_bound_stops_the_arms_and_hold_bleeds_it_o
 def test_an_arm_whose_sensor_is_stale_gives_way_to_nothing(cell):
     run = Carrying(cell())
     run.run(0.1, blind=(1,))
-    first, second = (output.held for output in run.outputs)
-    assert first.internal_force is None
-    assert second.wrench is None
+    assert run.outputs[0].held.internal_force is None
+    assert run.outputs[1].seen.wrench is None
     assert not run.outputs[1].desired.twists["force"].any()
 
 
