@@ -2,9 +2,11 @@
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from laboratory.campaign.urdfs import trial
 from laboratory.campaign.urdfs.collection import published
 from laboratory.campaign.urdfs.trial import try_arm
 from laboratory.equipment.arms import read_arm
@@ -15,6 +17,8 @@ from telerobot.tools.init.capsules import LinkMesh, fit, hull_of, link_shape
 from telerobot.tools.init.draft import bound, path_from, range_of
 from telerobot.tools.init.make import make
 from telerobot.tools.init.robot import carried_mass
+from telerobot.tools.scripts.script import Expected
+from telerobot.tools.simulation.simulation import Result
 
 
 def refusal(urdf, tip=None):
@@ -28,9 +32,21 @@ def test_an_odd_arm_goes_from_its_urdf_to_motion(odd):
     limits of a joint; meshes in millimetres: a push, a clearance and a pose, without an edit."""
     odd.replace('<mass value="0.8"/>', '<mass value="0"/>')
     odd.replace('lower="-3.0" upper="3.0" velocity="2" effort="150"', "")
-    trial = try_arm("odd", odd.write())
-    assert trial.reasons == []
-    assert trial.joints == 6
+    found = try_arm("odd", odd.write())
+    assert found.reasons == []
+    assert found.joints == 6
+
+
+def test_a_run_that_misses_what_its_script_expects_speaks_against_the_arm(odd, monkeypatch):
+    figures = {
+        "failure": None, "limit_violations": 0, "own_contact_n": 0.0, "events": [],
+        "contact_force_n": 10.0, "tool_error_m": 0.0, "min_clearance_m": trial.CLEARANCE,
+    }  # fmt: skip
+    refused = Expected("refused", "at most 0", 3, met=False)
+    run = Result(figures, (SimpleNamespace(limits=()),), (), (refused,))
+    monkeypatch.setattr(trial, "simulate", lambda *_: run)
+    found = try_arm("odd", odd.write()).reasons
+    assert "push: refused: 3, at most 0 is expected" in found
 
 
 @pytest.mark.parametrize("name", ["iiwa"])  # all of them: make campaign ARGS="--only urdf"

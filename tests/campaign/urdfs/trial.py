@@ -211,8 +211,9 @@ def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
 
 
 def _against(what: str, result: Result) -> list[str]:
-    """Return what speaks against a run: it failed, broke a limit, or told an error."""
-    reasons = []
+    """Return what speaks against a run: it failed, missed what its script expects, broke a limit,
+    or told an error."""
+    reasons = [f"{what}: {row}" for row in result.expected if not row.met]
     if result.summary["failure"]:
         reasons.append(f"{what}: not played: {result.summary['failure']}")
     if result.summary["limit_violations"]:
