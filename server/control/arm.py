@@ -19,7 +19,7 @@ from .actuation.actuation import (
     by_position,
 )
 from .actuation.torque import TorqueLaw
-from .axes import HeldAxes
+from .axes import HeldAxes, holding
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed, Clear
 from .barriers.clearance import BarrierInputs
@@ -238,6 +238,8 @@ class Arm:
         """The arm's capsules, where barriers look at the same ones: they are placed once."""
         T, joints = p.period_s, p.joints
         self.task = Task(p.sources, p.schedules, p.shaping)
+        if (held := holding(p.resolve.free_axes)) is not None:
+            mechanism.held_ranks(held == 1.0, p.T_wrist_tool)  # known before a tick asks for it
         contact = ContactWrench(
             p.T_wrist_sensor or Pose.identity(),
             p.wrench_smoothing,
@@ -540,9 +542,7 @@ class Arm:
             back = standing.back(station, q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
-                held, rank = asked.held, self.mechanism.rank
-                rank = rank if held is None else held.rank
-                found = resolve(k.J, twist, self.p.resolve, None, rank, held)
+                found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
                 back = found.dq + found.null.T @ (found.null @ back)
             dq = dq + back
         return asked._replace(dq=dq, limits=limits)

@@ -82,6 +82,10 @@ class HeldAxes(NamedTuple):
         """Return the task's rows (6, n + f) of a Jacobian of the MRF (6, n), with their slack."""
         return np.hstack([self.keep @ J, self.slack])
 
+    def own(self, J: Array) -> Array:
+        """Return the rows (6, n) in the axes of the MRF, without slack: zeros for free axes."""
+        return np.asarray((_both(self.R) * self.h).T @ J)
+
     def part(self, twist: Array) -> Array:
         """Return what is held of a twist (6,) of the MRF."""
         return np.asarray(self.keep @ twist)

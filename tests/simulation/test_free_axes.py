@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
+from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.tick import Control
 from telerobot.tools.cli import main
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -54,6 +56,44 @@ def test_the_run_replays_to_the_last_bit(run, file, capsys):
     assert run.summary["failure"] is None
     assert main(["replay", str(file)]) == 0
     assert "to the last bit" in capsys.readouterr().out
+
+
+def test_arms_that_hold_a_payload_hold_all_axes_of_their_grasps(play):
+    cell = altered(load_cell("pa10_pair"), {"resolve.free_axes": ["rz"]})
+    run = play(seconds=0.3, cell=cell)
+    assert run.summary["failure"] is None
+    assert run.states[-1].held_by == "beam"
+    each = [run.states[-1], *run.states[-1].tasks.values()]
+    assert [state.axes_held for state in each] == [(1.0,) * 6] * len(each)
+
+
+def test_no_rank_is_computed_inside_a_tick(play, monkeypatch):
+    """Of an arm that does not reach all axes, with axes and MRF that are new while it runs."""
+    inside, of_rows, tick = [False], Mechanism._of_rows, Control.tick
+
+    def ranks(*arguments):
+        assert not inside[0]
+        return of_rows(*arguments)
+
+    def ticks(*arguments):
+        inside[0] = True
+        try:
+            return tick(*arguments)
+        finally:
+            inside[0] = False
+
+    monkeypatch.setattr(Mechanism, "_of_rows", ranks)
+    monkeypatch.setattr(Control, "tick", ticks)
+    turned = {"frame": "mrf", "xyz": [0.0, 0.1, 0.0], "rpy": [0.5, 0.0, 0.3]}
+    steps = [
+        {"at_s": 0.2, "operator/free_axes": {"axes": ["x"]}},
+        {"at_s": 0.3, "operator/free_axes": {"axes": ["rz", "ry"]}},
+        {"at_s": 0.4, "operator/frame": turned},
+        {"at_s": 1.2, "operator/free_axes": {"axes": []}},
+    ]
+    run = play(*steps, seconds=1.8, cell=load_cell("planar3"))
+    assert run.summary["failure"] is None
+    assert run.summary["refused"] == []
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from ...config.consistency import REQUIRED_POSTURES
 from ...config.drives import joint_bounds
 from ...config.load import Cell, ConfigError
 from ...drivers.rig.physics.scene import build_model
+from ...server.control.axes import HeldAxes, holding
 from ...server.control.backbone.insertion import FITS, Backbone
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.proximity.capsules import Capsules
@@ -24,12 +25,17 @@ def postures(cell: Cell) -> Iterator[Finding]:
     mechanism = Mechanism.from_cell(cell)
     tool = Pose.from_xyz_rpy(config.T_wrist_mrf.xyz, config.T_wrist_mrf.rpy)
     resolve = cell.config.resolve
+    held = holding(resolve.free_axes)
     weight = np.array([1.0] * 3 + [resolve.characteristic_length] * 3)
     for name in REQUIRED_POSTURES:
-        J = mechanism.kinematics(np.array(config.postures[name]), tool).J
+        k = mechanism.kinematics(np.array(config.postures[name]), tool)
+        J, rank = k.J, mechanism.rank
+        if held is not None:
+            axes = HeldAxes.of(held, k.T_world_mrf.R, mechanism.held_ranks(held == 1.0, tool))
+            J, rank = axes.rows(J), axes.rank
         # Axes that the arm reaches nowhere, as a planar one, are no singularities.
         each = np.linalg.svd(J * weight[:, None], compute_uv=False)
-        sigma = float(each[min(mechanism.rank, len(each)) - 1])
+        sigma = float(each[min(rank, len(each)) - 1])
         status, judgement = Severity.OK, "away from"
         if sigma < resolve.floor:
             status, judgement = Severity.ERROR, "in"

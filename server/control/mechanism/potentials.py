@@ -757,14 +757,8 @@ class FieldFlow:
         # Where there is but one way, both its senses bend alike.
         way = null[0] if len(null) == 1 else slope / size
         there = self._ahead(seen, way)
-        bend = curvature(
-            way,
-            seen.here.screws,
-            seen.value.torque,
-            there.here.screws,
-            there.value.torque,
-            LOOK,
-        )
+        rows, ahead = _kept(seen), _kept(there)
+        bend = curvature(way, rows, seen.value.torque, ahead, there.value.torque, LOOK)
         return slope / max(abs(bend), self._flattest), size
 
     def along(self, seen: FieldView, direction: Array, out: float, stiffness: float) -> float:
@@ -786,6 +780,12 @@ class FieldFlow:
         if held is not None:
             held = held.seen(rotation_exp(LOOK * (seen.here.screws[3:] @ way)))
         return self.look(ahead(seen.here, self._body, way, LOOK), seen.scene, seen.rest, held)
+
+
+def _kept(seen: FieldView) -> Array:
+    """Return the Jacobian (6, n) of what self-motion leaves as it is."""
+    here, held = seen.here, seen.held
+    return here.screws if held is None else held.own(screws(here.screws, -here.tool))
 
 
 def _lever(at: Shape, direction: Array) -> Array:

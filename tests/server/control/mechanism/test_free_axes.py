@@ -12,8 +12,10 @@ from telerobot.server.control.mechanism.objectives import (
     AlongDirection,
     Condition,
     LeastSingularValue,
+    Manipulability,
 )
 from telerobot.server.control.mechanism.potentials import (
+    FieldFlow,
     Potential,
     Strengths,
     manipulability_slope,
@@ -142,10 +144,24 @@ def test_a_stretched_arm_is_led_home_and_not_out(pa10, bent):
         assert (went < -1e-3) if sense < 0 else (abs(went) < 1e-3)
 
 
+def test_a_boundary_may_be_left_while_an_axis_fades(pa10):
+    """The slack of its row is no joint: it has no limits, and bends nothing."""
+    q, aim = np.array([0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0]), holding(("rx", "ry", "rz"))
+    travel, before = Travel(q - pa10.p.joints.lower, pa10.p.joints.upper - q), None
+    for fade in (0.0, 1e-6, *np.arange(0.02, 1.0, 0.02)):
+        k, held = held_of(pa10.mechanism, q, np.maximum(aim, fade), Pose.identity())
+        twist = np.concatenate([-0.05 * k.T_world_mrf.R[:, 2], np.zeros(3)])
+        found = resolve(k.J, twist, pa10.p.resolve, travel, held.rank, held)
+        assert np.abs(found.dq).max() > 0.5
+        now = np.abs(found.dq)  # the elbow may go to either side
+        assert before is None or np.abs(now - before).max() < (0.1 if fade > 1e-3 else 1e-3)
+        before = now
+
+
 @pytest.mark.parametrize("bent", [0.0, 1e-5, 1e-3])
 def test_what_radians_weigh_is_no_matter_where_no_rotation_is_held(pa10, bent):
     """Nor is how motions turn the tool, where an arm comes home from its boundary."""
-    q = np.array([0.0, 0.6, 0.0, bent, 0.0, 0.5 * bent, 0.0])
+    q = np.array([0.3, 0.6, 0.5, bent, 0.9, 0.5 * bent, 0.0])
     k, held = held_of(pa10.mechanism, q, holding(("rx", "ry", "rz")), Pose.identity())
     twist = np.concatenate([-0.05 * k.T_world_mrf.R[:, 2], np.zeros(3)])
     travel = Travel(q - pa10.p.joints.lower, pa10.p.joints.upper - q)
@@ -203,6 +219,47 @@ def test_manipulability_is_that_of_the_rows_and_its_slope_turns_with_them(pa10, 
         assert found == pytest.approx(w, rel=1e-6)
         expected = [(of(q + a)[0] - of(q - a)[0]) / (2 * STEP) for a in STEP * np.eye(7)]
         np.testing.assert_allclose(slope, expected, atol=1e-6)
+
+
+def test_the_objective_climbs_the_manipulability_of_the_rows(pa10, rng):
+    objective = built(
+        Manipulability, joints(pa10.p.joints.lower, pa10.p.joints.upper), pa10.mechanism
+    )
+    q = pa10.random_posture(rng)
+    k, held = held_of(pa10.mechanism, q, holding(("x", "rz")))
+    expected = manipulability_slope(k.J, 6, held)[1]
+    np.testing.assert_array_equal(objective.rate(shown(q, J=k.J, held=held)), expected)
+
+
+def test_the_field_is_followed_as_it_bends_along_the_rows_that_turn(ur5e, rng):
+    """One spare motion: −V'/|V''| along it, by differences of the potential of manipulability."""
+    none, n = np.zeros((0, 2, 3)), 6
+    wide, body = 4.0 * np.ones(n), np.zeros(0, dtype=np.int64)
+    of = Potential(-wide, wide, body, Strengths(0.0, 0.0, 0.0, 1.0), 0.0)
+
+    def there(q):
+        k, held = held_of(ur5e.mechanism, q, holding(("x",)))
+        return k, held, shape(q, k.J, k.T_world_mrf.p, none)
+
+    def spare(q, like):
+        k = there(q)[0]
+        way = np.linalg.svd(rows(k, holding(("x",))))[2][-1]
+        return way if way @ like > 0 else -way
+
+    for _ in range(5):
+        q = regular(ur5e, rng, ("x",))[0]
+        way = spare(q, np.ones(n))
+        V = []
+        for h in (-1e-3, 0.0, 1e-3):
+            at = q + h * spare(q + 0.5 * h * way, way)
+            _, held, here = there(at)
+            V.append(of.at(here, None, None, held).total)
+        slope, bend = (V[2] - V[0]) / 2e-3, (V[2] - 2.0 * V[1] + V[0]) / 1e-6
+        _, held, here = there(q)
+        flow = FieldFlow(of, body, 1e-9)
+        rates, size = flow.self_motion(flow.look(here, None, None, held), way[None])
+        assert size == pytest.approx(abs(slope), rel=1e-3, abs=1e-6)
+        np.testing.assert_allclose(rates @ way, -slope / abs(bend), rtol=2e-2)
 
 
 @pytest.mark.parametrize("kind", [LeastSingularValue, Condition, AlongDirection])

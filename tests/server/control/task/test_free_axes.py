@@ -50,6 +50,17 @@ def test_a_goal_is_reached_when_the_axes_that_are_held_are_there(pa10, start):
     run.observe()
 
 
+def test_a_tool_that_is_far_from_its_goal_about_a_free_axis_comes_to_it_as_quickly(pa10, start):
+    """Nearly half a turn about z: the logarithm of all of it would hardly tell the tilt."""
+    run = start(pa10)
+    run.set(held=holding(("rz",)), objectives=pulls(run))
+    T = run.pose @ Pose(rotation_exp(np.array([0.0, 0.0, 3.05])), np.zeros(3))
+    goal = PathGoal(T @ Pose(rotation_exp(np.array([0.1, 0.15, 0.0])), np.zeros(3)), 1)
+    run.go(8.0, goal=goal)
+    assert off(run, goal.T_world_target)[1] < 1e-3
+    assert run.outputs[-1].at_goal
+
+
 def test_position_control_asks_nothing_along_a_free_axis(pa10, start):
     run = start(pa10)
     run.set(held=holding(("x", "rz")))
