@@ -555,7 +555,7 @@ class Arm:
             return memory.retreat, asked
         q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         step = self.retreat.step
-        relieving = asked.by_joint and asked.twists["force"] is not NO_TWIST
+        relieving = asked.by_joint and bool(asked.twists["force"].any())
         held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
         state, dq = step(
             memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving, held_up

@@ -89,6 +89,18 @@ def test_an_arm_that_lets_go_comes_to_rest_and_says_so_with_a_load_that_is_not_t
     assert run.gave_way_rad < 0.05
 
 
+@pytest.mark.parametrize(
+    "row",
+    [("pa10", "csv", 2e3, 5.0, ("jog", 0.1)), ("pa10", "cst", 2e5, 5.0, ("jog", 0.1))],
+    ids=["csv", "cst"],
+)
+def test_force_control_that_waits_relieves_nothing_so_the_way_of_a_jog_is_kept(row):
+    """A load that is not explained reads like contact from the first moment of the jog on."""
+    run = letting_go.play(doubted.doubted(doubted.TABLE.index(row)), held_s=1.5)
+    assert run.reasons == []
+    assert run.pressed_n == 0.0
+
+
 def test_a_push_that_lasts_is_given_way_to_inside_the_leash_and_told(play, pa10):
     run = play(
         {"at_s": 0.3, "cmd/joystick": MOVING},
