@@ -111,3 +111,41 @@ def test_gains_have_their_axes_and_units_and_frames_say_what_they_are(site):
     assert "moving reference frame" in frames.nth(1).get_attribute("title")
     control = page.get_by_role("button", name="Take control").first
     assert "lease" in control.get_attribute("title")
+
+
+def test_axes_are_left_free_and_held_again_by_their_boxes(site):
+    page, watcher = site.enabled(), site.plant.operators[0]
+    page.evaluate("document.getElementById('tab-set').click()")
+
+    def press(axis):
+        page.evaluate(f"document.getElementById('held-{axis}').click()")
+
+    def shown():
+        boxes = page.evaluate(
+            "[...document.querySelectorAll('[id^=held-]')].map((b) => [b.checked, b.indeterminate])"
+        )
+        return [checked and not fading for checked, fading in boxes]
+
+    site.until(lambda: shown() == [True] * 6, "no boxes")
+    press("rx")
+    press("rz")  # before the first has faded
+    site.until(lambda: watcher.state.axes_held == (1, 1, 1, 0, 1, 0), "they are held")
+    site.until(lambda: shown() == [True, True, True, False, True, False], "the boxes do not tell")
+    watcher_sees = watcher.state.mode
+    press("rx")
+    press("rz")
+    site.until(lambda: watcher.state.axes_held == (1,) * 6, "they are still free")
+    site.until(lambda: shown() == [True] * 6, "the boxes do not tell that all are held")
+    assert watcher_sees == "enabled"
+    assert page.errors == []
+
+
+def test_axes_that_a_page_may_not_leave_free_are_shown_as_they_are(site):
+    page = site.page()
+    page.evaluate("document.getElementById('tab-set').click()")
+    page.evaluate("document.getElementById('held-z').click()")
+    said = page.locator(".refusal", has_text="lease")
+    site.until(lambda: said.count() > 0, "no refusal")
+    held = "document.getElementById('held-z').checked"
+    site.until(lambda: page.evaluate(held), "the box tells what was refused")
+    assert site.plant.operators[0].state.axes_held == (1,) * 6

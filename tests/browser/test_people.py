@@ -76,7 +76,7 @@ def test_every_topic_of_an_operator_has_a_control(site):
     with_controls = {
         "cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/drive", "cmd/master_pose",
         "operator/lease", "operator/release", "operator/protective_stop",
-        "operator/protective_clear",
+        "operator/protective_clear", "operator/free_axes",
     }  # fmt: skip
     assert offered | with_controls == {topic.key for topic in (*t.COMMANDS, *t.REQUESTS)}
 

@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from telerobot.config.schema.null_space import OBJECTIVES
+from telerobot.config.schema.sources import PositionSection
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.axes import FREE_TIME_S, HeldAxes, holding
 from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, PathGoal
 from telerobot.server.control.spatial import Pose, rotation_exp
+from telerobot.server.control.task.position import Position
 from telerobot.server.control.tick import Control
+
+from .shown import SHAPING, shown
 
 
 def goal_of(run, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)):
@@ -50,15 +54,18 @@ def test_a_goal_is_reached_when_the_axes_that_are_held_are_there(pa10, start):
     run.observe()
 
 
-def test_a_tool_that_is_far_from_its_goal_about_a_free_axis_comes_to_it_as_quickly(pa10, start):
+@pytest.mark.parametrize("about", [0.5, 3.1, -3.1])
+def test_a_tool_that_tilts_is_led_back_the_shortest_way_however_far_it_has_spun(about):
     """Nearly half a turn about z: the logarithm of all of it would hardly tell the tilt."""
-    run = start(pa10)
-    run.set(held=holding(("rz",)), objectives=pulls(run))
-    T = run.pose @ Pose(rotation_exp(np.array([0.0, 0.0, 3.05])), np.zeros(3))
-    goal = PathGoal(T @ Pose(rotation_exp(np.array([0.1, 0.15, 0.0])), np.zeros(3)), 1)
-    run.go(8.0, goal=goal)
-    assert off(run, goal.T_world_target)[1] < 1e-3
-    assert run.outputs[-1].at_goal
+    source = Position(PositionSection(), SHAPING)
+    target, tilt = Pose.identity(), np.array([0.02, -0.01, 0.0])
+    goal, gain = PathGoal(target, 1), np.full(6, 2.0)
+    state = source.rate(shown(goal=goal, T_world_mrf=target), source.idle(), gain)[1]
+    R = rotation_exp(-tilt) @ rotation_exp(np.array([0.0, 0.0, about]))
+    context = shown(goal=goal, T_world_mrf=Pose(R, np.zeros(3)), T_world_wrist=Pose(R, np.zeros(3)))
+    held = HeldAxes.of(holding(("rz",)), R, (5, 5))
+    rate, _ = source.rate(context._replace(held=held), state, gain)
+    np.testing.assert_allclose(rate, [0.0, 0.0, 0.0, *(2.0 * tilt)], atol=1e-9)
 
 
 def test_position_control_asks_nothing_along_a_free_axis(pa10, start):

@@ -2,15 +2,19 @@
 
 import { button, el } from "../dom.js";
 import { FRAME_NAMES } from "../choices.js";
+import { createAxes } from "./axes.js";
 import { createForm } from "./form.js";
 import { createSources } from "./sources.js";
 
 // Have a better control elsewhere, or are no setting: lease, streams, the beat of the lease.
 const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/drive", "cmd/master_pose",
-  "operator/lease", "operator/release", "operator/protective_stop", "operator/protective_clear"];
+  "operator/lease", "operator/release", "operator/protective_stop", "operator/protective_clear",
+  "operator/free_axes"];
 
 export function createSettings(element, catalogue, { ask, choices }) {
   const sources = el("div", {});
+  const axes = el("div", {});
+  const held = createAxes(axes, { ask, choices });
   const objectives = el("div", {});
   const list = createSources(sources, { ask, choices, units: catalogue.gain_units });
   const quick = [];
@@ -38,6 +42,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     el("h2", {}, "Cell"),
     row(act("Clearances on", "operator/avoidance", { on: true }, "none"), act("off", "operator/avoidance", { on: false }, "none")),
     row(act("Hold together", "operator/hold_together", { on: true }, "none"), act("Let go", "operator/hold_together", { on: false }, "none")),
+    el("h2", {}, "Axes of the tool that the task holds"), axes,
     el("h2", {}, "Redundancy"), objectives,
     el("h2", {}, "Everything else"),
     ...catalogue.topics.filter(({ key }) => !ELSEWHERE.includes(key)).map((topic) => {
@@ -64,6 +69,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
   return {
     update() {
       list.update();
+      held.update();
       if (choices.shown) listObjectives(choices.shown);
     },
   };

@@ -2,8 +2,7 @@
 
 import { button, el } from "../dom.js";
 import { NAMES } from "../panels/now.js";
-
-const AXES = ["x", "y", "z", "rx", "ry", "rz"];
+import { AXES } from "./axes.js";
 
 /** Return the units of a gain's first three and last three axes. */
 const unitsOf = (unit) => {
