@@ -5,8 +5,16 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from telerobot.config.load import altered, load_cell
+from telerobot.server.control.axes import HeldAxes, holding
+from telerobot.server.control.inputs import ObjectiveGains
+from telerobot.server.control.mechanism.field import Field
+from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import by_charge, direction
-from telerobot.server.control.spatial import Array
+from telerobot.server.control.parameters import Parameters
+from telerobot.server.control.spatial import Array, Pose
+from telerobot.server.events import Events
+from telerobot.server.perception.obstacle_map import ObstacleMap
 
 from . import planar
 from .around import acting, lines
@@ -22,8 +30,10 @@ TABLE: Final = {
     "total": (-0.9161, -0.2518, -0.2608),
 }
 """Table II [N·m]."""
-DIGITS: Final = 5e-5
-"""Half of the last digit of Table II [N·m]."""
+DIGITS: Final = 5.1e-5
+"""Half of the last digit of Table II, and what the cell's least distance of 1 mm changes [N·m]."""
+PLANAR, PARTS_OF_V = "planar3", ("obstacles", "joint_limits", "manipulability")
+"""The cell of the planar arm, and its potentials in the order of the table."""
 CLEAR_M: Final = 0.05
 """Of each link from the line of sight: section V [m]."""
 PARTS: Final = {"upper arm": ("link2", "link3"), "forearm": ("link4", "link5")}
@@ -111,12 +121,28 @@ def charge() -> Shown:
 # --- Table II and figure 4: the planar arm --------------------------------------------------------
 
 
+def slopes(part: str) -> Array:
+    """Return −∂V/∂q (3,) at the start, of one of the cell's potentials alone [N·m]."""
+    others = {f"potential.{name}": 0.0 for name in PARTS_OF_V if name != part}
+    cell = altered(load_cell(PLANAR), others)
+    p, mechanism = Parameters.from_cell(cell), Mechanism.from_cell(cell)
+    k = mechanism.kinematics(planar.START, Pose.identity())
+    # The task is the tool's place: in the plane, two rows.
+    holds = holding(("rz",))
+    assert holds is not None
+    held = HeldAxes.of(holds, k.T_world_mrf.R, (2, 2))
+    field = Field(p.joints, p.potential, p.capsules, mechanism.rank)
+    scene = ObstacleMap.from_cell(cell, Events()).scene(0)
+    gains = ObjectiveGains({"field": 1.0}, planar.START)
+    seen = field.look(planar.START, k, scene, gains, held=held)
+    assert seen is not None
+    return seen.value.torque
+
+
 def table_2() -> Shown:
     """Show the torques of Table II."""
-    only = planar.value(planar.START, k_limits=0.0).torque
-    limits = planar.value(planar.START).torque - only
-    singular = planar.K * planar.slope_of_manipulability(planar.START)
-    ours = dict(zip(TABLE, (only, limits, singular, only + limits + singular), strict=True))
+    parts = [slopes(part) for part in PARTS_OF_V]
+    ours = dict(zip(TABLE, (*parts, np.sum(parts, axis=0)), strict=True))
     figure, axes = panels(1, 4, 2.6, sharey=True)
     for ax, (source, torques) in zip(axes, ours.items(), strict=True):
         ax.bar((1, 2, 3), torques, 0.55, color=COLOURS[0], label="telerobot")
@@ -171,27 +197,39 @@ def minimum() -> Shown:
             ("q₁", "q₂", "q₃"), found.q, planar.PRINTED_MINIMUM, MINIMUM, strict=True
         )
     ]
+    ran = run(PLANAR, "figure_4")
+    q = np.array([truth.q for truth in ran.truths])
+    off = np.array([truth.pose_mrf[:3] for truth in ran.truths]) - ran.truths[0].pose_mrf[:3]
+    q1, q2, q3 = planar.PRINTED_MINIMUM
+    mirrored = float(np.linalg.norm(planar.projected(np.array([q1, q2 + q3, -q3]))))
+    ended_off = float(np.abs(q[-1] - found.q).max())
+    moved = float(np.linalg.norm(off, axis=1).max())
     figure, (left, right) = panels(1, 2, 3.2)
     _arm(left, planar.START, color="0.65", marker="o", ms=3, label="start")
     _arm(left, planar.PRINTED_MINIMUM, **PRINTED | {"ls": "--", "lw": 0.9}, label="printed minimum")
-    _arm(left, found.q, color=COLOURS[0], marker="o", ms=3, label="minimum")
+    _arm(left, q[-1], color=COLOURS[0], marker="o", ms=3, label="telerobot")
     left.plot(*planar.OBSTACLE[:2], "*", color=COLOURS[1], ms=9, label="obstacle")
     label(left, "x [m]", "y [m]", "figure 4")
     left.axis("equal")
     left.legend(loc="upper left")
     phi = np.linspace(-0.3, 1.55, 75)
     right.plot(phi, [planar.look(q).potential for q in by_elbow(phi)], color=COLOURS[0])
-    for q, style in (
+    way = q[:: len(q) // 40]
+    right.plot(way.sum(axis=1), [planar.look(x).potential for x in way], ".", color=COLOURS[2])
+    for x, style in (
         (planar.START, {"marker": "o", "color": "0.65"}),
         (planar.PRINTED_MINIMUM, PRINTED | {"ms": 6}),
         (found.q, {"marker": "o", "color": COLOURS[0]}),
     ):
-        right.plot(q.sum(), planar.look(q).potential, **style)
+        right.plot(x.sum(), planar.look(x).potential, **style)
     label(right, "direction of link 3 [rad]", "V [N·m]", "potential, the tool held")
     return Shown(
         [
             at_least("|Pτ| at the printed minimum", slope, "< 0.001", 0.1, "N·m"),
             *joints,
+            at_most("run in the physics, off that minimum", ended_off, "–", 5e-4, "rad"),
+            at_most("run in the physics, tool moved", moved, "maintained", 3e-3, "m"),
+            at_most("|Pτ| with links 2 and 3 exchanged", mirrored, "–", 0.005, "N·m"),
             at_most("|Pτ| at our minimum", found.slope, "< 0.001", 1e-8, "N·m"),
             recalled("V at our minimum", found.potential, "–", -0.010946, 1e-6, "N·m"),
             recalled("V at the printed minimum", there, "–", 0.16968, 1e-5, "N·m"),
@@ -292,7 +330,7 @@ SCOTT = Paper(
             "obstacle at (1.5, 1.3) m, links of 1 m, all strengths 0.1.",
             "The digits need q = [0, π/2, −π/2] exactly. Manipulability is stationary there, so "
             "the table says nothing of its potential.",
-            "Torques of the server's potential over the table.",
+            "Torques of the cell `planar3` over the table.",
             'make papers ARGS="--only table_2"',
             table_2,
         ),
@@ -304,11 +342,13 @@ SCOTT = Paper(
             "At the printed posture |Pτ| is 0.14 N·m, and so is the next step: the potential falls "
             "on, through the straight wrist, to another branch. Eq. 5 as printed passes there "
             "and stops beyond; it never returns to the tool's pose, which drifts by "
-            "centimetres meanwhile. A small step says only that the gain is small: the search has "
+            "centimetres meanwhile. With links 2 and 3 exchanged, [−0.36, 0.72, 1.07], the tool is "
+            "at the same place beside the true minimum: that may be what was meant. A small step "
+            "says only that the gain is small: the search has "
             "to end on |Pτ|.",
-            "Left: the arm. Right: the potential along the self-motion, with the same three "
-            "postures.",
-            'make papers ARGS="--only minimum"',
+            "Left: the arm; the run is in the physics, its task the tool's place. Right: the "
+            "potential along the self-motion, with the run's postures as dots.",
+            'make papers ARGS="--only minimum"; telerobot simulate planar3 figure_4',
             minimum,
         ),
         "line": Exhibit(
