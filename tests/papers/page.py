@@ -9,6 +9,8 @@ from .exhibit import Exhibit, Number, Shown
 from .exhibits import PAPERS
 
 PAGE: Final = "README.md"
+BAR: Final = "\\|"
+"""A bar inside a table's cell."""
 HEAD: Final = """# The five papers, computed again
 
 Every table, figure and result that the five papers print, computed by telerobot: our curves in
@@ -69,7 +71,7 @@ def heading(exhibit: Exhibit) -> str:
 def row(number: Number) -> str:
     """Return a number's row of the table."""
     cells = number.what, number.unit, number.printed, allowed(number), f"{number.ours:.4g}"
-    return f"| {' | '.join(cells)} |"
+    return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
 
 
 def allowed(number: Number) -> str:

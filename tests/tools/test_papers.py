@@ -29,6 +29,14 @@ def test_the_committed_page_has_every_exhibit_with_its_picture_in_the_order_of_t
         assert exhibit.wrong in text
 
 
+def test_a_bar_in_a_number_s_name_is_no_column():
+    row = page.row(near("|Pτ|", 1.0, 1.0, 0.1, "N·m"))
+    assert len(re.split(r"(?<!\\)\|", row)) == 7
+    text = (cli.FOLDER / page.PAGE).read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert {len(re.split(r"(?<!\\)\|", row)) for row in rows} == {7}
+
+
 def test_an_exhibit_is_shown_and_the_page_is_left_alone(tmp_path, capsys):
     rows = tmp_path / "rows.jsonl"
     code = cli.main(["--only", "figure_4", "--out", str(tmp_path), "--rows", str(rows)])
