@@ -9,6 +9,7 @@ from laboratory.campaign.parts import PARTS
 from telerobot.protocols import codec as protocol_codec
 from telerobot.protocols.topics import TOPICS
 from telerobot.server.control.barriers.clearance import CollisionConstraint
+from telerobot.tools.soak.cli import Touches
 
 PLAYED = [
     *((codec, seed) for seed in range(2)),
@@ -71,6 +72,8 @@ def test_a_tick_that_raises_is_found(monkeypatch):
         raise ZeroDivisionError("a gap of zero")
 
     monkeypatch.setattr(CollisionConstraint, "watch", careless)
+    # No touch is an excuse while the operator is an honest one.
+    monkeypatch.setattr(Touches, "explain", lambda *_: True)
     scene = next(seed for seed in range(20) if network.cell_of(seed) == "pa10_scene")
     reasons = network.play(scene).reasons
     assert any(reason.startswith("tick_raised at ") for reason in reasons), reasons

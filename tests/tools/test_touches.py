@@ -62,3 +62,9 @@ def test_where_contact_is_felt_no_touch_explains_a_fault(feels, explained):
     touches = watched({2.0: 300.0}, error("fault", 2.1, "following_error"), feels=feels)
     assert touches.felt
     assert (touches.unexplained() == []) is explained
+
+
+def test_where_nobody_is_to_run_into_anything_no_touch_is_an_excuse():
+    touches = watched({2.0: 300.0}, error("fault", 2.1, "following_error"))
+    assert touches.unexplained() == []
+    assert len(touches.unexplained(excused=False)) == 1

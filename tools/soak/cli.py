@@ -137,12 +137,15 @@ class Touches:
             return False
         return any(0.0 <= event.time_s - at_s <= SINCE_S for at_s in self._times)
 
-    def unexplained(self) -> list[str]:
-        """Return the errors of the run so far that no touch explains, a line each."""
+    def unexplained(self, *, excused: bool = True) -> list[str]:
+        """Return the errors of the run so far that no touch explains, a line each.
+
+        All errors where nobody is `excused`: of a run in which nothing is to be run into.
+        """
         return [
             f"{event.name} at {event.time_s:.2f} s: {event.detail}"
             for event in self._simulation.events
-            if event.severity == "error" and not self.explain(event)
+            if event.severity == "error" and not (excused and self.explain(event))
         ]
 
     def _look(self, simulation: Simulation) -> None:

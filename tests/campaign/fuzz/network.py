@@ -59,7 +59,7 @@ def play(seed: int, name: str | None = None) -> Outcome:
             f"{result.summary['limit_violations']} limit violations: {first.joint} {first.kind} "
             f"{first.value:.6g} over {first.bound:.6g} at {first.time_s:.3f} s"
         )
-    outcome.reasons += touches.unexplained()
+    outcome.reasons += touches.unexplained(excused=wild)
     for event in simulation.events:
         if event.name == "lease_expired" and not wild:
             outcome.reasons.append(f"lease_expired at {event.time_s:.2f} s: {event.detail}")
