@@ -15,6 +15,7 @@ from telerobot.protocols.messages.messages import Message
 from telerobot.protocols.topics import Flow
 from telerobot.server.mode import Mode
 from telerobot.tools.client.protocol_client import ANYBODY, NoLease
+from telerobot.tools.scripts.player import Phase
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 from telerobot.tools.soak.cli import ComputedSights, Touches
@@ -88,7 +89,12 @@ class Attacker:
         self._ticks = 0
 
     def attack(self, simulation: Simulation) -> None:
-        """Send what this tick brings."""
+        """Send what this tick brings, once the arm was enabled.
+
+        What comes before, as news of an obstacle that is stale, may rightly forbid the enabling.
+        """
+        if simulation.player.phase is not Phase.PLAYING:
+            return
         self._ticks += 1
         link = simulation.link
         for _ in range(PER_TICK):
