@@ -351,11 +351,14 @@ def _bound(where: str, key: str, value: float, told: float | None) -> float:
 # --- Joints of the URDF's root link beside the arm's chain: wheels before it, a sweep behind it ---
 
 
-def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[float, ...]]:
+def root_joint(
+    where: str, robot: Robot, name: str, drive: DriveSection | None = None
+) -> tuple[UrdfJoint, tuple[float, ...]]:
     """Return a joint of the root link or of links held on it, and its axis (3,) in the root link.
 
     Held are links on fixed joints, on joints that carry the chain and are none of it, and on
-    prismatic ones, as suspensions are. `where` is file and key that name it. Raises `ConfigError`.
+    prismatic ones, as suspensions are. `where` is file and key that name it; what the joint's
+    limits leave out, its drive says. Raises `ConfigError`.
     """
     root, urdf = robot.tree(), robot.urdf
     joints, chain = root.findall("joint"), {joint.name for joint in robot.joints}
@@ -387,7 +390,7 @@ def root_joint(where: str, robot: Robot, name: str) -> tuple[UrdfJoint, tuple[fl
     along = floats("1 0 0" if axis is None else axis.get("xyz", ""))
     along = turned[_end(element, "parent", urdf)] @ origin_of(element)[0] @ along
     along = along / max(float(np.linalg.norm(along)), 1e-12)
-    return _joint(element, urdf, None), tuple(along.round(6).tolist())
+    return _joint(element, urdf, drive), tuple(along.round(6).tolist())
 
 
 def beside_chain(
@@ -462,7 +465,8 @@ def with_wheels(
     for side in ("left", "right"):
         name = getattr(base.wheels, side)
         where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
-        joint, axis = root_joint(where, robot, name)
+        drive = next((d for d in config.mechanism.drives if d.joint == name), None)
+        joint, axis = root_joint(where, robot, name, drive)
         if joint.kind != "continuous" or abs(axis[1]) < ALONG_AXLE:
             raise ConfigError(
                 f"{where}: value '{name}': must be of type continuous, about axis 0 1 0 of Base "
