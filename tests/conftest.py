@@ -2,6 +2,7 @@
 
 import gc
 import resource
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -19,6 +20,11 @@ SLOW_S, FAST_S = 1.5, 5.0
 """A test that is measured above the first is slow; one that is not may cost the second [CPU s]."""
 MAY = {"slow", "hil", "browser"}
 """Marks of tests that may cost more; those of processes wait, and are not measured."""
+
+if sys.dont_write_bytecode:
+    # Each worker would spend more on rewriting all tests' asserts than on collecting them.
+    sys.pycache_prefix = str(SLOW.parents[1] / ".pytest_cache" / "bytecode")
+    sys.dont_write_bytecode = False
 
 _shared: defaultdict[tuple[str, str], float] = defaultdict(float)
 """What fixtures cost that several tests share, by name and where they are shared [CPU s]."""

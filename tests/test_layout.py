@@ -1,4 +1,5 @@
 import ast
+import sys
 import tomllib
 from collections import defaultdict
 from importlib import resources
@@ -26,6 +27,10 @@ def test_links_are_relative_so_that_the_tree_can_move():
     links = [p for p in (ROOT / ".namespace").glob("*/*") if p.is_symlink()]
     assert links
     assert not any(p.readlink().is_absolute() for p in links)
+
+
+def test_rewritten_tests_are_kept_whatever_the_environment_says_of_bytecode():
+    assert not sys.dont_write_bytecode
 
 
 def test_data_travels_with_the_package():
