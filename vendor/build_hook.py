@@ -1,13 +1,45 @@
-"""Hook of hatchling: no package without the page's JavaScript; an sdist keeps the tree's links."""
+"""Hooks of hatchling: no package without the page's JavaScript; an sdist keeps the tree's links.
+
+And the package's own page, README.md, names nothing that an index does not have.
+"""
 
 import gzip
 import io
+import re
 import sys
 import tarfile
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
+
+BESIDE = re.compile(r"(!?)\[([^][]*)\]\((?!https?:|#)([^)\s]*)\)")
+"""A picture or a link of a page to a file beside it: its mark, its words and its path."""
+
+
+def portable(page: str, address: str) -> str:
+    """Return a page whose pictures and links lead to the tree at an address, from anywhere.
+
+    Where none is known (""), the words of each stand in its place.
+    """
+
+    def led(found: re.Match[str]) -> str:
+        mark, words, path = found.groups()
+        if not address:
+            return words
+        return f"{mark}[{words}]({address}/{'raw' if mark else 'blob'}/HEAD/{path})"
+
+    return BESIDE.sub(led, page)
+
+
+class PageHook(MetadataHookInterface):
+    """Gives the package README.md for its page, with the `address` of pyproject.toml."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        page = Path(self.root, "README.md").read_text(encoding="utf-8")
+        text = portable(page, str(self.config["address"]))
+        metadata["readme"] = {"content-type": "text/markdown", "text": text}
 
 
 class VendoredHook(BuildHookInterface[Any]):

@@ -5,6 +5,8 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+from laboratory.vendor.build_hook import BESIDE, portable
 from telerobot.tools.cli import COMMANDS, build_parser
 
 from .pages import ROOT
@@ -49,3 +51,16 @@ def test_the_citation_names_the_version_of_the_package_and_five_papers():
     assert len(re.findall(r"^  - type:", papers, re.MULTILINE)) == 5
     for place in re.findall(r"(?:server|tools)/[\w/.]+", papers):
         assert Path(ROOT / place).exists(), place
+
+
+@pytest.mark.parametrize("address", ["", "https://example.org/a/b"])
+def test_the_page_on_an_index_names_no_file_beside_it(address):
+    page = text("README.md")
+    told = portable(page, address)
+    assert BESIDE.search(page)
+    assert not BESIDE.search(told)
+    assert told.count("\n") == page.count("\n")
+    for mark, words, path in BESIDE.findall(page):
+        whole = f"{mark}[{words}]({address}/{'raw' if mark else 'blob'}/HEAD/{path})"
+        assert (whole if address else words) in told
+        assert (ROOT / path.partition("#")[0]).exists()
