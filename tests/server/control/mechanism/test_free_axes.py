@@ -31,7 +31,7 @@ from telerobot.server.control.spatial import (
 )
 
 from ..chains import CHAINS
-from .null_space.shown import built, joints, shown
+from .shown import built, joints, shown
 
 MRF = Pose(rotation_rpy(0.3, -0.5, 0.7), np.array([0.05, -0.02, 0.15]))
 SETS = [("rz",), ("x",), ("y", "rx"), ("rx", "ry", "rz"), ("x", "y", "z", "rz"), ("z", "ry")]

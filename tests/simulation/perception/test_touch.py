@@ -1,0 +1,90 @@
+"""A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
+
+import pytest
+from laboratory.campaign.contact import sliding, touch
+from laboratory.campaign.contact.sliding import Slide
+from telerobot.tools.scripts.script import Script
+from telerobot.tools.simulation.simulation import Simulation
+
+from ..conftest import Run
+
+MOVING = {
+    "at_s": 0.3,
+    "cmd/joystick": {"twist": [0.0, 0.05, 0.02, 0.0, 0.0, 0.1], "expressed_in": "base"},
+}
+
+
+@pytest.mark.parametrize("number", [1, 2, 4, 5, 9])
+def test_a_push_at_the_elbow_is_felt_from_every_side(number):
+    run = touch.play(("push", number))
+    assert run.reasons == []
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_half_a_minute_of_free_motion_with_a_heavy_tool_is_no_push(seed):
+    run = touch.play(("free", seed))
+    assert run.reasons == []
+    assert run.moving_s > 20.0
+
+
+SLIDES = [
+    Slide("wall", 10.0, 0.05, 4),
+    Slide("wall", 60.0, 0.1, 7),
+    Slide("table", 10.0, 0.1, 1),
+    Slide("table", 60.0, 0.05, 6),
+]
+
+
+@pytest.mark.parametrize("slide", SLIDES, ids=str)
+def test_a_tool_that_slides_along_what_it_presses_is_not_pushed(slide):
+    run = touch.play(("slide", sliding.SLIDES.index(slide)))
+    assert run.reasons == []
+
+
+def test_the_event_names_joint_estimate_and_bound_and_the_way_out_is_resume(play):
+    run = play(
+        MOVING,
+        {"at_s": 2.0, "rig/fault": {"kind": "push", "target": "e1", "vector": [-30.0, 0.0, 0.0]}},
+        {"at_s": 3.0, "operator/mode": {"action": "resume"}},
+        {"at_s": 4.0, "rig/fault": {"kind": "push", "target": "e1", "on": False}},
+        {"at_s": 5.0, "operator/mode": {"action": "resume"}},
+        {"at_s": 5.2, "cmd/joystick": MOVING["cmd/joystick"]},
+        seconds=6.5,
+    )
+    (felt,) = run.events("touched")
+    assert felt.values["joint"] == "s2"
+    assert abs(felt.values["torque_nm"]) > felt.values["bound_nm"]
+    assert run.at(3.5).mode == "hold"
+    assert len(run.summary["refused"]) == 1
+    assert run.at(6.4).mode == "enabled"
+    assert run.summary["limit_violations"] == 0
+
+
+def test_pressing_a_wall_with_the_tool_is_seen_and_no_push(play):
+    run = play(
+        {"at_s": 0.3, "cmd/joystick": {"twist": [0.03, 0, 0, 0, 0, 0], "expressed_in": "base"}},
+        seconds=12.0,
+    )
+    assert max(abs(f) for f in run.states[-1].wrench_mrf[:3]) > 5.0
+    assert run.events("touched") == []
+
+
+def test_an_arm_that_cannot_feel_says_so_and_that_it_can_again(pa10):
+    """Two SYNCs of known instants in a row are too few: an acceleration takes three."""
+    script = Script.model_validate({"duration_s": 5.0, "step": [MOVING]})
+    simulation = Simulation(pa10, script)
+    fieldbus = simulation.cycle.plant.buses[0]
+    sync = fieldbus.sync
+
+    def late_now_and_then():
+        sync()
+        if fieldbus.sync_count % 3 == 0 and 2.0 < simulation.clock.now() < 4.0:
+            fieldbus.sync_s = None
+
+    fieldbus.sync = late_now_and_then
+    run = Run(simulation, simulation.run())
+    (lost,), (found,) = run.events("touch_lost"), run.events("touch_found")
+    assert 2.5 <= lost.time_s < 2.6
+    assert 4.0 <= found.time_s < 4.1
+    assert run.events("touched") == []
+    assert run.states[-1].mode == "enabled"
