@@ -181,6 +181,7 @@ def _of_task(
             name: (gain, found.self_motion.norms.get(name, 0.0))
             for name, gain in output.objectives.gains.items()
         },
+        "arm_angle": unit.arm_angle,
         "axes_held": (1.0,) * 6 if output.task.held is None else _six(output.task.held),
         "path": None if path is None else _numbers(path),
         "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),

@@ -26,6 +26,10 @@ class TaskState(Message):
     tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
     the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
     `axes_held` tells how far the task holds each axis of its MRF: 1, and 0 for one that is free.
+    `arm_angle` is where the commanded elbow is on its circle about the line from shoulder to wrist
+    [rad]: 0 furthest along the first shoulder axis, positive right-handed about the way from
+    shoulder to wrist. None for an arm without such an elbow, with the elbow on that line, and with
+    the wrist on the first axis; none of a payload in several hands.
 
     `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
     `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
@@ -64,6 +68,7 @@ class TaskState(Message):
     self_motion: JointVector
     objectives: dict[str, tuple[float, float]]
     axes_held: Vector6 = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    arm_angle: float | None = None
     path: dict[str, float] | None
     path_mrf: Vector6 | None
     master: dict[str, float]

@@ -1,5 +1,6 @@
 """One arm of the cell and its task: what is commanded, perceived and computed for it."""
 
+import math
 from typing import Final, Self
 
 import numpy as np
@@ -241,6 +242,15 @@ class Unit:
     def T_world_mrf(self) -> Pose | None:
         """Where the command has the MRF in force; None before the joints were heard."""
         return None if self.output is None else mrf_in_force(self.output, self.commands)
+
+    @property
+    def arm_angle(self) -> float | None:
+        """Where the commanded elbow is on its circle [rad]; None where it is on none."""
+        reader = self.arm.mechanism.arm_angle
+        if reader is None or self.output is None:
+            return None
+        angle = reader.look(self.output.seen.kinematics).angle
+        return None if math.isnan(angle) else angle
 
     def holding(self, q: Array) -> Array:
         """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""

@@ -144,6 +144,11 @@ class JointUnit:
         return None if self.output is None else mrf_in_force(self.output, self.commands)
 
     @property
+    def arm_angle(self) -> None:
+        """No angle is the task's: each of its arms has its own."""
+        return None
+
+    @property
     def vision(self) -> VisionTracker:
         """The view that is kept, as far as known."""
         return self._sees.vision

@@ -11,6 +11,7 @@ from ....config.load import Cell
 from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
 from ..spatial import GRAVITY, Array, Kinematics, Pose, jacobian_at
 from ..wheels import DifferentialDrive
+from .arm_angle import ArmAngle
 
 # --- A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio ------------------
 
@@ -62,6 +63,10 @@ class Mechanism:
         """The same of the arm alone, on a base that rolls [1]."""
         self.rank = self._reached()
         """How many of a task's axes the chain reaches anywhere: 3 for a planar one [1]."""
+        draw, here = np.random.default_rng(1), Pose.identity()
+        postures = draw.uniform(-math.pi, math.pi, (_POSTURES, self.n))
+        self.arm_angle = ArmAngle.of([self.wrist(q, here) for q in postures])
+        """Reads the arm angle; None for an arm that is no S-R-S."""
         # Scratch: ranks of tasks that leave axes free, by those and the MRF.
         self._held_ranks: dict[bytes, tuple[int, int]] = {}
 

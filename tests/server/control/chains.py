@@ -16,12 +16,18 @@ _JOINT = (
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 
-def chain(axes: str, step: str = "0.3 0 0") -> Mechanism:
-    """Return a chain of turning joints about `axes`, of "x", "y" and "z", equal steps apart."""
+def chain(axes: str, step: str = "0.3 0 0", *steps: str) -> Mechanism:
+    """Return a chain of turning joints about `axes`, of "x", "y" and "z", equal steps apart.
+
+    Or by `steps` of their own, from the first joint to the second on.
+    """
     n = len(axes)
+    apart = [step, *(steps or [step] * n)]
     links = [_LINK.format(i) for i in range(n + 2)]
-    joints = [_JOINT.format(i, "revolute", i + 1, step, AXES[axis]) for i, axis in enumerate(axes)]
-    joints.append(_JOINT.format(n, "fixed", n + 1, step, AXES["z"]))
+    joints = [
+        _JOINT.format(i, "revolute", i + 1, apart[i], AXES[axis]) for i, axis in enumerate(axes)
+    ]
+    joints.append(_JOINT.format(n, "fixed", n + 1, apart[n], AXES["z"]))
     text = "\n".join(['<robot name="chain">', *links, *joints, "</robot>"])
     base = Pose(np.eye(3), np.array([0.1, -0.2, 0.3]))
     return Mechanism(text, tuple(f"j{i}" for i in range(n)), f"l{n + 1}", base)

@@ -82,6 +82,22 @@ def test_the_priority_of_avoiding_is_drawn_as_the_run_had_it(tmp_path):
     assert names == {f"{name}: distance [m]": told[name] for name in told}
 
 
+def test_the_arm_angle_is_drawn_of_every_arm_that_has_one(tmp_path):
+    from matplotlib.figure import Figure
+    from telerobot.config.load import load_cell
+
+    path = tmp_path / "two.mcap"
+    script = Script.model_validate({"duration_s": 0.1, "step": []})
+    result = Simulation(load_cell("pa10_two"), script, path).run()
+    ax = Figure().add_subplot()
+    assert PANELS["arm_angle"](load_recording(path), ax)
+    (other,) = result.states[0].tasks
+    each = [result.states, [state.tasks[other] for state in result.states]]
+    for line, states in zip(ax.lines, each, strict=True):
+        drawn = [s.arm_angle for s in states]
+        np.testing.assert_allclose(np.radians(line.get_ydata()), drawn, rtol=1e-12)
+
+
 def test_panels_without_anything_to_show_are_left_out(recorded):
     from matplotlib.figure import Figure
 

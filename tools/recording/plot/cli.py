@@ -7,8 +7,8 @@ from ....config.errors import ConfigError
 from ....drivers.device import DeviceError
 
 PANELS = (
-    "distances", "potentials", "slope", "priority", "rates", "self_motion", "granted", "off_path",
-    "tool_path", "internal_force", "stills",
+    "distances", "potentials", "slope", "priority", "rates", "self_motion", "arm_angle", "granted",
+    "off_path", "tool_path", "internal_force", "stills",
 )  # fmt: skip
 
 

@@ -259,6 +259,18 @@ def self_motion(run: RecordedRun, ax: Axes) -> bool:
     return _named(ax, "size of joint rates [rad/s]", bool(values.any()))
 
 
+def arm_angle(run: RecordedRun, ax: Axes) -> bool:
+    """Where each arm's elbow is on its circle about the line from shoulder to wrist."""
+    own = {run.cell.parts[0].task: run.states}
+    for name in run.states[0].get("tasks") or {}:
+        own[name] = [state["tasks"].get(name, {}) for state in run.states]
+    for name, states in own.items():
+        values = np.array([_or_nan(state.get("arm_angle")) for state in states])
+        if np.isfinite(values).any():
+            ax.plot(run.time, np.degrees(values), label=name)
+    return _named(ax, "arm angle φ [°]", bool(ax.lines), legend=len(ax.lines) > 1)
+
+
 def granted(run: RecordedRun, ax: Axes) -> bool:
     """Share of the asked motion that was granted."""
     ax.plot(run.time, run.of_states(lambda s: s["scale"]))
@@ -295,6 +307,7 @@ PANELS: dict[str, Callable[[RecordedRun, Axes], bool]] = {
     "priority": priority,
     "rates": rates,
     "self_motion": self_motion,
+    "arm_angle": arm_angle,
     "granted": granted,
     "off_path": off_path,
     "tool_path": tool_path,
