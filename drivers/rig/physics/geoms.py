@@ -34,6 +34,20 @@ def fixed(geom: mujoco.MjsGeom) -> mujoco.MjsGeom:
     return geom
 
 
+def bound_contacts(model: mujoco.MjModel) -> None:
+    """Give no body less freedom in contacts than all that moves with it has on one slide.
+
+    MuJoCo makes a contact as stiff as the bodies' mean inverse inertia at the reference posture is
+    small. A first link that turns about its own axis has none, so that what is moved into it by a
+    micrometre would be pressed with 1e10 N, although nothing of either could give way.
+    """
+    roots = model.body_rootid
+    moves = (model.body_weldid > 0) & (model.body_mocapid[roots] < 0)
+    least = 1.0 / (3.0 * np.maximum(model.body_subtreemass[roots], mujoco.mjMINVAL))
+    freedom = model.body_invweight0[:, 0]
+    freedom[moves] = np.maximum(freedom, least)[moves]
+
+
 def slides_on(spec: mujoco.MjSpec, tool: str, surface: mujoco.MjsGeom) -> None:
     """Let a geom of the tool slide on a surface without hopping; friction is as it was."""
     pair = spec.add_pair(geomname1=tool, geomname2=surface.name)

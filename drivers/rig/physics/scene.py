@@ -15,6 +15,7 @@ from .geoms import (
     FIXED,
     SOLREF,
     add_capsules,
+    bound_contacts,
     exclude_contacts,
     fixed,
     give_mass,
@@ -61,6 +62,7 @@ def build_model(cell: Cell) -> tuple[mujoco.MjModel, frozenset[int]]:
         raise ConfigError(
             f"{cell.path}: rig: no physics can be made of {cell.robot.urdf}: {words}"
         ) from None
+    bound_contacts(model)
     fixed = [g for g in range(model.ngeom) if model.geom_contype[g] == FIXED]
     return model, frozenset(fixed)
 

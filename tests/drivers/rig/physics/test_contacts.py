@@ -77,3 +77,12 @@ def test_an_arm_that_lies_on_the_floor_presses_on_it_and_its_wheels_do_not():
     for _ in range(3000):
         world.step(np.zeros(world.n))
     assert world.contacts.total(0) + world.contacts.own() > 0.0
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-5, 1e-4])
+def test_what_is_moved_into_a_link_that_cannot_give_way_presses_as_stiffly_as_steel(depth):
+    """The first link of a PA-10 turns about its own axis, and a ball that is told where to be."""
+    world, radius, link = World(load_cell("pa10_scene")), 0.12, 0.09
+    world.place("visitor", np.array([depth - radius - link, 0.0, 0.24]))
+    mujoco.mj_forward(world.model, world.data)
+    assert 1e7 * depth < world.contacts.total(0) < 1e9 * depth
