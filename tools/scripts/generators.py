@@ -152,7 +152,7 @@ class InsertionMotion:
             self._centre, self._attitude = place, R
             self._from_m, self._best_m, self._since_s, self._angle = way, way, now_s, 0.0
         if not self._searching:
-            return np.concatenate([self._speed * self._along, np.zeros(3)])
+            return np.concatenate([self._speed * self._along, self._upright(R)])
         if way > self._best_m + DEEPER:
             self._best_m, self._centre, self._angle = way, place, 0.0
         return self._search(now_s, place, R)
@@ -175,7 +175,7 @@ class InsertionMotion:
         step_s, self._since_s = now_s - self._since_s, now_s
         feed = GENTLE * self._speed * self._along
         if self._falls():
-            return np.concatenate([feed, np.zeros(3)])
+            return np.concatenate([feed, self._upright(R)])
         radius = PITCH * self._angle / math.tau
         self._angle += step_s * ROUND / math.hypot(max(radius, 0.5 * PITCH), PITCH / math.tau)
         if radius > self._step.search:
@@ -186,17 +186,31 @@ class InsertionMotion:
         off = self._centre + radius * out - place
         off -= self._along * float(off @ self._along)
         across = ROUND * around + _at_most(BACK * off, 0.5 * ROUND)
-        if not self._step.tilt:
-            return np.concatenate([feed + across, np.zeros(3)])
-        about = self._along if self._step.swing else out
-        wanted = self._step.tilt * math.sin(SWINGS * self._angle) * about
-        turn = _at_most(BACK * (wanted - self._turned(R)), TURNING)
+        turn = self._upright(R)
+        if self._step.tilt:
+            about = self._along if self._step.swing else out
+            wanted = self._step.tilt * math.sin(SWINGS * self._angle) * about
+            off = wanted - self._turned(R, self._attitude)
+            if self._step.swing:
+                off = self._along * float(off @ self._along)
+            turn += _at_most(BACK * off, TURNING)
         return np.concatenate([feed + across, turn])
 
-    def _turned(self, R: Array) -> Array:
-        """Return by how much the tool has turned since it jammed (3,) [rad], in the step's axes."""
+    def _upright(self, R: Array) -> Array:
+        """Return the rate (3,) [rad/s] that keeps pegs side by side, in the step's axes.
+
+        Where one peg stands on its rim, all that is pressed turns the payload about it, and the
+        other one goes in askew until it wedges: millimetres apart are 0.1 kN in its hole.
+        """
+        if not self._step.swing:
+            return np.zeros(3)
+        off = self._turned(R, self._R)
+        return _at_most(BACK * (self._along * float(off @ self._along) - off), TURNING)
+
+    def _turned(self, R: Array, since: Array) -> Array:
+        """Return how far the tool has turned from an attitude (3,) [rad], in the step's axes."""
         # Small angles: half of what is skew.
-        D = R @ self._attitude.T
+        D = R @ since.T
         turned = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
         return turned if self._step.expressed_in == "world" else R.T @ turned
 

@@ -144,7 +144,8 @@ class DrivenInsertion(ScriptTable):
 
     Force control has to be on: the stick presses with its speed over the gain. `search` is the
     radius of the spiral, 0 for none; while it goes round, it leans to and fro by `tilt`, or with
-    `swing` turns by it about the axis that it is driven along.
+    `swing` turns by it about the axis that it is driven along. That is for a payload with several
+    pegs, which is also kept from turning about the others: one peg goes no further than the rest.
     """
 
     task: m.Identifier | None = None

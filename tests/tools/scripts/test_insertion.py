@@ -91,6 +91,22 @@ def test_the_spiral_turns_to_and_fro_about_the_way_or_leans_and_drifts_nowhere(s
     assert none < 1e-4
 
 
+@pytest.mark.parametrize("searches", [False, True], ids=["driven", "searching"])
+def test_a_payload_with_several_pegs_is_kept_from_turning_about_one_that_stands(searches):
+    """A single tool may turn: a hole that leans turns it."""
+    for swing in (True, False):
+        plate, motion = Plate((0.02, 0.0)), insertion(search=0.006, swing=swing)
+        plate.move(motion, 4.0 if searches else 0.2)
+        plate.turned = np.array([0.0, -0.004, 0.02])
+        plate.move(motion, T)
+        turns = np.array(plate.past[-1][0]["twist"][3:])
+        assert turns[0] == 0.0
+        assert (turns[1] > 0.0 > turns[2]) if swing else not turns.any()
+        assert np.linalg.norm(turns) <= 0.021
+        plate.move(motion, 3.0)
+        assert (np.abs(plate.turned[1:]).max() < 1e-3) == swing
+
+
 def test_it_may_be_driven_along_the_tools_own_axis():
     plate = Plate((0.003, 0.0))
     at = plate.move(insertion(expressed_in="mrf", search=0.006), 45.0)
