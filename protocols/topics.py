@@ -355,6 +355,11 @@ REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 10
 TICK = Topic("tlm/tick", RecordedTick, Flow.TELEMETRY, Life.STREAM, 100)
 """As a recorder hears it. STATE, DESCRIPTION, REFLECTION and TICK go while somebody listens."""
 
+HELD = Topic(
+    "tlm/obstacle", ObstacleNews, Flow.TELEMETRY, Life.STREAM, 20, reliable=True, unread=128
+)
+"""An obstacle as the daemon holds it, while somebody listens: news that it refused is not."""
+
 RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
 RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
 RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
@@ -365,7 +370,7 @@ TOPICS: tuple[Topic, ...] = (
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
     REDUNDANCY, FREE_AXES, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
-    STATE, REFLECTION, EVENT, DESCRIPTION, TICK,
+    STATE, REFLECTION, EVENT, DESCRIPTION, TICK, HELD,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,
 )  # fmt: skip
 

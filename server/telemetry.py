@@ -16,7 +16,7 @@ from ..protocols.messages.telemetry import (
     TaskDescription,
     TaskState,
 )
-from ..protocols.topics import DESCRIPTION, EVENT, REFLECTION, STATE, TICK
+from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
 from .control.inputs import Payload
 from .control.mechanism.field import FieldReading
 from .control.mechanism.redundancy import Near
@@ -232,7 +232,7 @@ class Telemetry:
             self._link.publish(TICK, told)
 
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
-        """Send the state of a tick, forces for handles, and now and then the description.
+        """Send a tick's state, forces for handles, obstacles, and now and then the description.
 
         What nobody listens to is not computed either.
         """
@@ -246,6 +246,9 @@ class Telemetry:
                     if len(units.each) > 1:
                         reflection = reflection.model_copy(update={"task": unit.task})
                     self._link.publish(REFLECTION, reflection)
+        if heard(HELD):
+            for news in units.obstacles.told(record.tick):
+                self._link.publish(HELD, news)
         if record.tick % self._describe_every == 0 and heard(DESCRIPTION):
             self._link.publish(DESCRIPTION, self._description)
 

@@ -8,9 +8,9 @@ refused, and makes it stale until its own sender tells of it again. So does news
 another reason, except for coming out of order: then newer news is in force.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -109,6 +109,8 @@ class ObstacleMap:
         self._doubts: dict[str, tuple[int, str]] = {}
         """By name: the tick since when an obstacle is doubted, and why in words."""
         self._still: Scene | None = None
+        self._changed: dict[str, None] = {}
+        """Names of those whose news was taken since `told` was last asked, the oldest first."""
 
     @classmethod
     def from_cell(cls, cell: Cell, events: Events) -> Self:
@@ -173,6 +175,7 @@ class ObstacleMap:
         elif news.shape is None:
             self._check_speed(before, after)
         self._known[news.name] = after
+        self._note(news.name)
         if news.name in self._doubts and news.tick > self._doubts[news.name][0]:
             del self._doubts[news.name]
         self._still = None
@@ -206,6 +209,28 @@ class ObstacleMap:
                 self._stale.discard(known.name)
                 self._still = None
                 self._events.info("obstacle_fresh", known.name)
+
+    def told(self, tick: int) -> Iterator[ObstacleNews]:
+        """Yield, as they are held, obstacles that were taken news of since the last call.
+
+        And in each tick one of all that any sender told of, in turn, for who began to listen later.
+        """
+        every = [known.name for known in self._known.values() if known.owner is not None]
+        every += [name for name in self._gone if name not in self._known]
+        changed, self._changed = self._changed, {}
+        if every:
+            changed[every[tick % len(every)]] = None
+        for name in changed:
+            known = self._known.get(name)
+            if known is not None:
+                yield _whole(known)
+            elif name in self._gone:
+                yield ObstacleNews(name=name, tick=self._gone[name], remove=True)
+
+    def _note(self, name: str) -> None:
+        """Let it be told soon; more than there may be are told in turn."""
+        if len(self._changed) < MOST:
+            self._changed[name] = None
 
     def _created(self, news: ObstacleNews, sender: str) -> TrackedObstacle:
         if len(self._known) >= MOST and news.name not in self._known:
@@ -260,6 +285,7 @@ class ObstacleMap:
             del self._gone[next(iter(self._gone))]
         self._gone[news.name] = news.tick
         self._still = None
+        self._note(news.name)
         self._events.info("obstacle_removed", news.name)
 
     def _check_speed(self, before: TrackedObstacle, after: TrackedObstacle) -> None:
@@ -401,6 +427,29 @@ class ObstacleMap:
 _CHANGEABLE = (
     "xyz", "to", "rpy", "half_size", "radius", "velocity", "max_speed", "max_acceleration",
     "timeout_s", "stale", "clearance", "hard",
+)  # fmt: skip
+
+
+def _whole(known: TrackedObstacle) -> ObstacleNews:
+    """Return news by which whoever knows the cell file knows an obstacle as it is held.
+
+    The start of a sight line that an arm carries is its Lens, for which the message has no frame:
+    it is told as one that only moves.
+    """
+    told: dict[str, Any] = dict.fromkeys(ObstacleNews.model_fields) | {"remove": False}
+    told |= {key: getattr(known, key) for key in _TOLD}
+    if not known.carried:
+        told |= {"shape": known.shape, "xyz": known.xyz}
+    if known.shape in ("capsule", "sight_line"):
+        told["to"] = known.to
+    if known.shape == "box":
+        told |= {"rpy": known.rpy, "half_size": known.half_size}
+    return ObstacleNews.of_valid(**told)
+
+
+_TOLD = (
+    "name", "tick", "radius", "velocity", "max_speed", "max_acceleration", "timeout_s", "stale",
+    "clearance", "hard",
 )  # fmt: skip
 
 

@@ -232,11 +232,14 @@ class CellRecorder:
         self._files, self._pictures, self._viewer = files, pictures, Viewer(cell)
         # Requests are answered by one: who overhears them would be asked in the daemon's place.
         # What they did is told by events. Video is made for whoever looks at it now; the small
-        # pictures are recorded.
+        # pictures are recorded. Obstacles are those that the daemon holds: what anybody put on the
+        # sensors' key, it may have refused.
         self._ears = [
             Ear(topic, session.subscribe(topic, DEPTH))
             for topic in t.TOPICS
-            if not topic.flow.asks and topic is not t.VIDEO and session.may_hear(topic)
+            if not topic.flow.asks
+            and topic not in (t.VIDEO, t.OBSTACLE)
+            and session.may_hear(topic)
         ]
         self._seen: dict[Path, int] = {}
         self._due_ns = 0
@@ -322,7 +325,8 @@ class CellRecorder:
 
 
 NAMES: Final = {"tlm/state": "state", "tlm/event": "event", "rig/truth": "truth",
-                "tlm/reflection": "reflection", "sensor/contour": "contour"}  # fmt: skip
+                "tlm/reflection": "reflection", "tlm/obstacle": "obstacle",
+                "sensor/contour": "contour"}  # fmt: skip
 """Topics under the names that the recording of a simulation gives them, for `telerobot plot`."""
 
 

@@ -94,13 +94,15 @@ class Timeline:
         contour = self._other(
             "contour", lambda row: told_contour(ContourNews.model_validate(_bytes(row)))
         )
+        obstacle = self._other(
+            "obstacle", lambda row: told_obstacle(ObstacleNews.model_validate(row))
+        )
         return {
             "state": self._state,
             "event": self._event,
             "truth": self._other("truth", lambda row: told_truth(RigTruth.model_validate(row))),
-            "sensor/obstacle": self._other(
-                "obstacle", lambda row: told_obstacle(ObstacleNews.model_validate(row))
-            ),
+            "obstacle": obstacle,
+            "sensor/obstacle": obstacle,  # as it was put, in older recordings
             "sensor/contour": contour,
             "contour": contour,  # as a simulation names it
             "scan": self._other(

@@ -23,6 +23,7 @@ from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
 from ...protocols.messages.messages import Message, Reflection
+from ...protocols.messages.perception import ObstacleNews
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...protocols.topics import TICK, Flow, Topic
@@ -408,6 +409,8 @@ class Simulation:
         elif isinstance(message, Reflection):
             self.player.on_reflection(message)
             self._write("reflection", message)
+        elif isinstance(message, ObstacleNews):
+            self._write("obstacle", message)
         elif isinstance(message, Event):
             self.events.append(message)
             if message.name == "view_stored":

@@ -13,7 +13,9 @@ from .wire import Try, all_keys, free_endpoint, with_control
 EVERY_KEY = {topic.key for topic in TOPICS}
 COMMANDS = {key for key in EVERY_KEY if key.startswith("cmd/")}
 REQUESTS = {key for key in EVERY_KEY if key.startswith("operator/")}
-TELEMETRY = {"tlm/state", "tlm/event", "tlm/description", "tlm/reflection", "tlm/tick"}
+TELEMETRY = {
+    f"tlm/{each}" for each in ("state", "event", "description", "reflection", "tick", "obstacle")
+}
 FAULTS = {"rig/fault", "rig/motion"}
 TRUTH = {"rig/truth"}
 SENSORS = {"sensor/vision", "sensor/obstacle", "sensor/contour", "sensor/frame"}

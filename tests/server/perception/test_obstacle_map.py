@@ -338,3 +338,61 @@ def test_what_jumps_is_seen_no_faster_than_it_may_be(knowing):
 def test_an_obstacle_of_the_cell_that_stands_is_never_seen_to_come():
     knowing = Knowing((TABLE,))
     assert not knowing.scene.comes
+
+
+WHOLE = {
+    "point": {"xyz": (1.0, 0.0, 0.0)},
+    "sphere": {"xyz": (1.0, 0.0, 0.0), "radius": 0.1},
+    "capsule": {"xyz": (1.0, 0.0, 0.0), "to": (1.0, 0.5, 0.0), "radius": 0.1},
+    "box": {"xyz": (1.0, 0.0, 0.0), "half_size": (0.1, 0.2, 0.3), "rpy": (0.0, 0.0, 1.0)},
+    "sight_line": {"xyz": (1.0, 0.0, 0.0), "to": (1.0, 0.5, 0.0)},
+}
+
+
+@pytest.mark.parametrize("shape", WHOLE)
+def test_listeners_are_told_each_obstacle_as_a_whole_as_it_is_held(shape):
+    known = Knowing()
+    known.tell("crate", by="lidar", shape=shape, max_speed=0.5, **WHOLE[shape])
+    known.tell("crate", by="lidar", xyz=(2.0, 0.0, 0.0))
+    (told,) = known.world.told(known.tick)
+    told = decode_as(ObstacleNews, encode(told), 4096)
+    assert (told.shape, told.xyz, told.max_speed) == (shape, (2.0, 0.0, 0.0), 0.5)
+    for key in WHOLE[shape].keys() - {"xyz", "to"}:
+        assert getattr(told, key) == WHOLE[shape][key]
+
+
+def test_listeners_are_told_nothing_that_was_refused():
+    known = Knowing()
+    known.tell("crate", by="lidar", shape="point", xyz=(1.0, 0.0, 0.0), max_speed=0.5)
+    list(known.world.told(known.tick))
+    assert known.refused("crate", by="thief", xyz=(5.0, 0.0, 0.0)) is Why.ANOTHERS_OBSTACLE
+    assert known.refused("crate", by="thief", remove=True) is Why.ANOTHERS_OBSTACLE
+    assert known.refused("other", xyz=(5.0, 0.0, 0.0)) is Why.UNKNOWN_OBSTACLE
+    assert {news.xyz for news in known.world.told(known.tick)} == {(1.0, 0.0, 0.0)}
+
+
+def test_who_listens_later_is_told_of_all_in_turn_and_of_what_was_removed():
+    known = Knowing((TABLE, CART))
+    assert list(known.world.told(known.tick)) == []  # as in the cell file
+    for i in range(5):
+        known.tell(f"crate_{i}", shape="point", xyz=(float(i), 0.0, 0.0))
+    known.tell("cart", remove=True)
+    known.tell("crate_0", remove=True)
+    assert len({news.name for news in known.world.told(known.tick)}) == 6
+    later = {}
+    for _ in range(6):
+        known.go(1)
+        (news,) = known.world.told(known.tick)
+        later[news.name] = news.remove
+    assert later == {f"crate_{i}": i == 0 for i in range(5)} | {"cart": True}
+
+
+def test_the_line_of_a_carried_camera_is_told_by_where_it_ends():
+    cell = load_cell("pa10_scene")
+    known = Knowing()
+    known.world = ObstacleMap.from_cell(cell, known.events)
+    carried = [o.name for o in known.world.known if o.carried]
+    for name in carried:
+        known.tell(name, to=(1.0, 2.0, 0.5))
+        (told,) = known.world.told(known.tick)
+        assert (told.shape, told.xyz, told.to) == (None, None, (1.0, 2.0, 0.5))

@@ -36,7 +36,7 @@ class Blind:
         pass
 
 
-def play(name, forge, seconds=2.0, steps=()):
+def play(name, forge, seconds=2.0, steps=(), listener=lambda topic, message: None):
     """Play a script while `forge` makes up news, from the script's time and the tick."""
     script = Script.model_validate({"duration_s": seconds, "step": list(steps)})
     cell = load_cell(name) if isinstance(name, str) else name
@@ -49,6 +49,7 @@ def play(name, forge, seconds=2.0, steps=()):
                 simulation.link.put(topic, encode(news))
 
     simulation.on_tick = tell
+    simulation.link.listen(listener)
     return Run(simulation, simulation.run())
 
 
@@ -255,7 +256,12 @@ def test_nobody_takes_anothers_obstacle_out_of_the_arms_way(claim):
             yield t.OBSTACLE.by("thief"), news
             yield t.OBSTACLE, news
 
-    run = play("pa10_scene", steals, 6.0, WATCHED)
+    told = []
+    run = play("pa10_scene", steals, 6.0, WATCHED, lambda topic, message: told.append(message))
+    shown = [message for message in told if isinstance(message, ObstacleNews)]
+    assert {news.name for news in shown} == {"visitor"}
+    assert len(shown) > 100  # by the script, and in turn
+    assert not any(news.remove or np.linalg.norm(news.xyz) > 1.0 for news in shown)
     assert run.summary["min_clearance_m"] > run.simulation.cell.config.avoidance.clearance
     refused = {e.detail for e in run.events("command_refused")}
     assert "sensor/obstacle: script tells of visitor, not thief" in refused

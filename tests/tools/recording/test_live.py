@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
-from telerobot.protocols.messages.perception import ContourNews, ScanPoints
+from telerobot.protocols.messages.perception import ContourNews, ObstacleNews, ScanPoints
 from telerobot.server.perception.scanning.scanning import Looked
 from telerobot.tools.recording import live as listener
 from telerobot.tools.recording.live import CellRecorder, Files
@@ -89,6 +89,17 @@ def test_a_scans_points_and_its_contour_are_recorded_as_a_simulation_does(record
     seen = np.frombuffer(cloud.data, "<f4").reshape(-1, 3)
     np.testing.assert_allclose(seen, POINTS[[0, 2]], atol=1e-6)
     assert cloud.frame_id == "World"
+
+
+def test_an_obstacle_is_recorded_as_the_daemon_holds_it_and_not_as_anybody_told_it(
+    record, tmp_path
+):
+    held = ObstacleNews(name="crate", tick=7, shape="point", xyz=(1.0, 0.0, 0.0))
+    stolen = held.model_copy(update={"xyz": (5.0, 0.0, 0.0)})
+    record(tlm_obstacle=[encode(held)], sensor_obstacle=[encode(stolen)])
+    (file,) = tmp_path.glob("*.mcap")
+    ((topic, row),) = [(message.topic, message.json()) for message in read_run(file)]
+    assert (topic, row["name"], row["xyz"]) == ("obstacle", "crate", [1.0, 0.0, 0.0])
 
 
 def test_a_bus_that_is_down_ends_no_recording(record, tmp_path):

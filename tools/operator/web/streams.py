@@ -39,7 +39,7 @@ class WorldNews:
     def __init__(self, session: MessageCarrier) -> None:
         self._session = session
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
-        self._obstacles = session.subscribe(t.OBSTACLE, 128)
+        self._obstacles = session.subscribe(t.HELD, t.HELD.unread)
         self._contours = session.subscribe(t.CONTOUR, 1)
         self._looked_at: dict[t.Topic, Buffer] = {}
         self._truth_s = float("-inf")
@@ -57,7 +57,7 @@ class WorldNews:
         if now_s - self._truth_s >= TRUTH_S:
             self._truth_s = now_s
             yield from _read(self._truths, t.RIG_TRUTH, told_truth)
-        yield from _read(self._obstacles, t.OBSTACLE, told_obstacle)
+        yield from _read(self._obstacles, t.HELD, told_obstacle)
         yield from _read(self._contours, t.CONTOUR, told_contour)
         for topic, inbox in self._looked_at.items():
             yield from _read(inbox, topic, FOR_EYES[topic])
@@ -78,7 +78,7 @@ def told_truth(truth: RigTruth) -> Told:
 
 
 def told_obstacle(news: ObstacleNews) -> Told:
-    """Return news of an obstacle as a page is told it."""
+    """Return an obstacle, as the daemon holds it, as a page is told it."""
     return Told("", f'{{"type":"obstacle","obstacle":{news.model_dump_json()}}}')
 
 

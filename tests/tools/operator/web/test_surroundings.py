@@ -5,6 +5,7 @@ import json
 import socket
 import struct
 import time
+from typing import NamedTuple
 
 import pytest
 import zenoh
@@ -30,15 +31,31 @@ SCAN = ScanPoints(tick=7, points_mm=struct.pack("<6i", 1000, -2000, 3, 0, 70000,
 PICTURE = CameraPicture(camera="eye", tick=7, jpeg=b"JPEG")
 
 
+class Tellers(NamedTuple):
+    """Who tells: a sensor, and the daemon, of telemetry."""
+
+    sensor: Session
+    daemon: zenoh.Session
+
+    def put(self, topic, payload):
+        if topic.flow is t.Flow.TELEMETRY:
+            self.daemon.put(topic.full_key("pa10"), payload)
+        else:
+            self.sensor.put(topic, payload)
+
+    def heard(self, topic):
+        return self.sensor.heard(topic)
+
+
 @pytest.fixture
 def network():
-    """Return a sensor's session and an operator's surroundings."""
+    """Return a sensor's session with the daemon's, and an operator's surroundings."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    with zenoh.open(router_config(endpoint, "pa10")):
+    with zenoh.open(router_config(endpoint, "pa10")) as daemon:
         sensor, operator = Session("pa10", endpoint), Session("pa10", endpoint)
-        yield sensor, WorldNews(operator)
+        yield Tellers(sensor, daemon), WorldNews(operator)
         sensor.close()
         operator.close()
 
@@ -54,10 +71,26 @@ def told(network, topic, message, looked_at=True):
     raise AssertionError("nothing is told")
 
 
-def test_an_obstacle_that_a_sensor_tells_of_is_shown_and_each_news_counts(network):
-    kind, message = told(network, t.OBSTACLE, CRATE)
+def test_an_obstacle_that_the_daemon_holds_is_shown_and_each_news_counts(network):
+    kind, message = told(network, t.HELD, CRATE)
     assert (kind, message["type"]) == ("", "obstacle")
     assert (message["obstacle"]["name"], message["obstacle"]["radius"]) == ("crate", 0.1)
+
+
+def test_what_anybody_puts_on_the_sensors_key_is_not_shown_unless_the_daemon_took_it(network):
+    sensor, surroundings = network
+    moved = CRATE.model_copy(update={"xyz": (5.0, 0.0, 0.0)})
+    told(network, t.HELD, CRATE)
+    for topic, news in (
+        (t.OBSTACLE, moved), (t.OBSTACLE.by("thief"), moved), (t.CONTOUR, CONTOUR),
+    ):  # fmt: skip
+        sensor.put(topic, encode(news))
+    deadline_s, kinds = time.monotonic() + PATIENCE_S, []
+    while "contour" not in kinds and time.monotonic() < deadline_s:
+        shown = list(surroundings.turn(time.monotonic(), True))
+        kinds += [each.kind for each in shown]
+        assert not any('"xyz":[5.0' in each.text for each in shown)
+    assert "contour" in kinds
 
 
 def test_a_contour_is_shown_with_its_distances_and_what_it_means_in_words(network):
@@ -94,5 +127,5 @@ def test_what_is_for_eyes_is_asked_for_while_somebody_looks_and_no_longer(
 def test_junk_is_passed_over(network):
     sensor, surroundings = network
     sensor.put(t.CONTOUR, b"junk")
-    assert told(network, t.OBSTACLE, CRATE)[1]["type"] == "obstacle"
+    assert told(network, t.HELD, CRATE)[1]["type"] == "obstacle"
     assert {each.kind for each in surroundings.turn(time.monotonic(), True)} <= {""}
