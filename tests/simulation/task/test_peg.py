@@ -24,7 +24,7 @@ from telerobot.tools.scripts.script import load_script
 from telerobot.tools.simulation.simulation import simulate
 
 
-@pytest.mark.parametrize(("direction", "part"), [(4, 1), (20, 1), (20, 2)])
+@pytest.mark.parametrize(("direction", "part"), [(4, 1), (20, 1), (23, 2)])
 def test_rate_and_force_together_insert_the_peg_gently(direction, part):
     found = attempt(Attempt(direction, stiff=False, part=part))
     assert found.inserted, found
