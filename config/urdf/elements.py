@@ -289,7 +289,7 @@ def leave_out(root: ET.Element, links: Collection[str], own: str) -> None:
 
     What the link `own` carries stays; links on the way to it stay as frames, without mass or shape.
     """
-    above = {_end(joint, "child"): joint for joint in root.findall("joint")}
+    above = {end_of(joint, "child"): joint for joint in root.findall("joint")}
     kept = set(carriers(root, own))
     ways = [(link, carriers(root, link.get("name", ""))) for link in root.findall("link")]
     for link, way in ways:
@@ -308,7 +308,7 @@ def leave_out(root: ET.Element, links: Collection[str], own: str) -> None:
 
 def carriers(root: ET.Element, link: str) -> list[str]:
     """Return a link and those that carry it, up to the root."""
-    above = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+    above = {end_of(joint, "child"): end_of(joint, "parent") for joint in root.findall("joint")}
     found = [link]
     while found[-1] in above and len(found) <= len(above):
         found.append(above[found[-1]])
@@ -425,7 +425,8 @@ def _rename(root: ET.Element, link: ET.Element, name: str) -> None:
             parent.set("link", name)
 
 
-def _end(joint: ET.Element, which: str) -> str:
+def end_of(joint: ET.Element, which: str) -> str:
+    """Return the name of a joint's `parent` or `child`, empty where it has none."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
 

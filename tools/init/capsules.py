@@ -1,6 +1,5 @@
 """Capsules around links: read from meshes and primitives, fitted, and merged."""
 
-import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +10,11 @@ from typing import Final, NamedTuple
 import coal
 import numpy as np
 from numpy.typing import NDArray
+from trimesh import creation
+from trimesh.intersections import slice_faces_plane
 
 from ...config.errors import ConfigError
-from ...config.urdf.elements import check_shape
+from ...config.urdf.elements import check_shape, floats, origin_of
 from ...config.urdf.meshes import find_mesh, read_mesh
 
 # --- Shapes of links: the triangles of their meshes and primitives, in the links' frames ----------
@@ -63,7 +64,7 @@ def link_shape(
         geometry = element.find("geometry")
         if geometry is None or (meshes_only and collisions and geometry.find("mesh") is None):
             continue
-        R, p = placement(element)
+        R, p = origin_of(element)
         scale = 1.0 / math.cos(math.pi / _ROUND) if around else 1.0
         found.append(_triangles(geometry[0], where, urdf, packages, scale) @ R.T + p)
     if not found:
@@ -98,24 +99,6 @@ def hull_of(points: Array) -> Hull | None:
     return Hull(volume, centre, moments)
 
 
-def placement(element: ET.Element | None) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and translation (3,) of an element's `<origin>`."""
-    origin = None if element is None else element.find("origin")
-    if origin is None:
-        return np.eye(3), np.zeros(3)
-    roll, pitch, yaw = (float(x) for x in origin.get("rpy", "0 0 0").split())
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    R = np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-    return R, np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
-
-
 def _triangles(
     shape: ET.Element, where: str, urdf: Path, packages: Mapping[str, Path], wider: float
 ) -> Array:
@@ -127,28 +110,18 @@ def _triangles(
             package = name.partition("://")[2].partition("/")[0]
             hint = f"; say where it is: --package {package}=DIR" if "package://" in name else ""
             raise ConfigError(f"{where}: <mesh filename>: value '{name}': no such file{hint}")
-        scale = np.array([float(x) for x in shape.get("scale", "1 1 1").split()])
-        return np.asarray(_mesh(path, where) * scale)
-    up = np.array([0.0, 0.0, 1.0])
+        return np.asarray(_mesh(path, where) * floats(shape.get("scale", "1 1 1")))
     if shape.tag == "box":
-        half = 0.5 * np.array([float(x) for x in shape.get("size", "").split()])
-        square = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-        return _between([(square - up) * half, (square + up) * half])
-    radius = float(shape.get("radius", "0"))
-    half_length = 0.5 * float(shape.get("length", "0"))
-    turns = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
-    outside = radius * wider
-    circle = np.stack([np.cos(turns), np.sin(turns), np.zeros(_ROUND)], axis=1)
+        return np.asarray(creation.box(floats(shape.get("size", ""))).triangles)
+    radius = wider * float(shape.get("radius", "0"))
+    half = 0.0 if shape.tag == "sphere" else 0.5 * float(shape.get("length", "0"))
     if shape.tag == "cylinder":
-        return _between([outside * circle + s * half_length * up for s in (-1.0, 1.0)])
-    tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
-    middle = half_length if shape.tag == "capsule" else 0.0
-    return _between(
-        [
-            outside * (math.cos(a) * circle + math.sin(a) * up) + math.copysign(middle, a) * up
-            for a in tilts
-        ]
-    )
+        profile = np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]])
+    else:
+        tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
+        profile = radius * np.column_stack([np.cos(tilts), np.sin(tilts)])
+        profile[:, 1] += np.copysign(half, tilts)
+    return np.asarray(creation.revolve(profile, sections=_ROUND).triangles)
 
 
 def _mesh(path: Path, where: str) -> Array:
@@ -156,19 +129,6 @@ def _mesh(path: Path, where: str) -> Array:
         return np.concatenate([np.asarray(part.triangles) for part in read_mesh(path)])
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
-
-
-def _between(rings: list[Array]) -> Array:
-    """Return the closed surface (t, 3, 3) through rings of k corners (k, 3), and two lids."""
-    sides = []
-    for low, high in itertools.pairwise(rings):
-        after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
-        sides += [np.stack([low, after_low, high], axis=1)]
-        sides += [np.stack([after_low, after_high, high], axis=1)]
-    for lid in (rings[0], rings[-1]):
-        first = np.broadcast_to(lid[0], lid[1:-1].shape)
-        sides += [np.stack([first, lid[1:-1], lid[2:]], axis=1)]
-    return np.concatenate(sides)
 
 
 # --- Capsules around a link's shape: one to three, as tight as a local search finds them ----------
@@ -277,33 +237,12 @@ def _in_pieces(
     return tuple(tubes), axis, cuts
 
 
-def _cut(triangles: Array, axis: Array, at: float) -> tuple[Array, Array]:
-    """Return triangles below and above a plane; those that it crosses are in both, cut there."""
-    height = triangles @ axis - at
-    below, above = (height <= 0.0).all(axis=1), (height >= 0.0).all(axis=1)
-    crossed, h = triangles[~(below | above)], height[~(below | above)]
-    sides = []
-    for sign in (1.0, -1.0):
-        # A corner on the other side slides to the plane, once along each of its edges.
-        out = sign * h > 0.0
-        for k in range(2):
-            moved = crossed.copy()
-            for corner in range(3):
-                other = (corner + 1 + k) % 3
-                use = out[:, corner] & ~out[:, other]
-                third = (corner + 2 - k) % 3
-                use_third = out[:, corner] & out[:, other] & ~out[:, third]
-                for mask, to in ((use, other), (use_third, third)):
-                    span = h[mask, corner] - h[mask, to]
-                    part = (h[mask, corner] / np.where(span == 0.0, 1.0, span))[:, None]
-                    moved[mask, corner] = (1.0 - part) * crossed[mask, corner] + part * crossed[
-                        mask, to
-                    ]
-            sides.append(moved)
-    return (
-        np.concatenate([triangles[below], sides[0], sides[1]]),
-        np.concatenate([triangles[above], sides[2], sides[3]]),
-    )
+def _cut(triangles: Array, axis: Array, at: float) -> list[Array]:
+    """Return the triangles below and above a plane; those that it crosses are cut there."""
+    corners = triangles.reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    sides = (slice_faces_plane(corners, faces, way, at * axis) for way in (-axis, axis))
+    return [np.asarray(corners[faces]) for corners, faces, _ in sides]
 
 
 def around(points: Array, *, quick: bool = False) -> Tube:

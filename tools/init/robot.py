@@ -3,15 +3,17 @@
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from ...config.errors import ConfigError, nearest
-from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, inertial_fault
+from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, end_of, inertial_fault, origin_of
 from ...config.urdf.robot import read_tree
 from .capsules import (
     MOST_OF_CELL,
@@ -24,7 +26,6 @@ from .capsules import (
     hull_of,
     link_shape,
     merged,
-    placement,
 )
 
 # --- End of the arm in a URDF's tree: fingers, wheels and heads are no part of it -----------------
@@ -60,14 +61,41 @@ class LinkTree:
     """Links of a URDF, and the joints that each carries."""
 
     def __init__(self, root: ET.Element) -> None:
+        self.links = {link.get("name", ""): link for link in root.findall("link")}
+        self.above = {end_of(joint, "child"): joint for joint in root.findall("joint")}
+        """The joint that carries each link, but the roots."""
         self._below: dict[str, list[ET.Element]] = {}
-        carried = set()
         for joint in root.findall("joint"):
             self._below.setdefault(end_of(joint, "parent"), []).append(joint)
-            carried.add(end_of(joint, "child"))
-        links = [link.get("name", "") for link in root.findall("link")]
-        self.roots = [link for link in links if link not in carried]
+        self.roots = [link for link in self.links if link not in self.above]
         """Names of the links that no joint carries."""
+
+    def below(self, link: str) -> list[ET.Element]:
+        """Return the joints that a link carries."""
+        return self._below.get(link, [])
+
+    def walk(
+        self, link: str, through: Callable[[ET.Element], bool] = lambda _joint: True
+    ) -> Iterator[tuple[str, Array, Array]]:
+        """Yield a link and all that it carries, those nearer to it first, all joints at zero.
+
+        Each with its attitude (3, 3) and place (3,) in the first; `through` says beyond which
+        joints.
+        """
+        seen, waiting = {link}, deque([(link, np.eye(3), np.zeros(3))])
+        while waiting:
+            name, R, p = waiting.popleft()
+            yield name, R, p
+            for joint in filter(through, self.below(name)):
+                if (child := end_of(joint, "child")) not in seen:
+                    seen.add(child)
+                    turn, shift = origin_of(joint)
+                    waiting.append((child, R @ turn, p + R @ shift))
+
+    def mass(self, link: str) -> float:
+        """Return the mass that the URDF says of a link, 0 where it says none [kg]."""
+        told = self.links[link].find("inertial/mass") if link in self.links else None
+        return 0.0 if told is None else _number(told.get("value"))
 
     def end_from(self, at: str, moved: int = 0) -> tuple[str, list[ET.Element]]:
         """Return where the arm ends that goes on from a link, `moved` joints after its root.
@@ -75,7 +103,7 @@ class LinkTree:
         And, where it divides into several, the joints that these begin with.
         """
         while True:
-            branches = [joint for joint in self._at(at) if self._depth(joint) > 0]
+            branches = [joint for joint in self.below(at) if self._depth(joint) > 0]
             arms = [joint for joint in branches if self._depth(joint) > FINGERS]
             if len(arms) > 1:
                 short = all(self._depth(j) <= OF_A_FINGER for j in arms)
@@ -94,12 +122,9 @@ class LinkTree:
             at = end_of(following, "child")
         return self._tool(at), []
 
-    def _at(self, link: str) -> list[ET.Element]:
-        return self._below.get(link, [])
-
     def _depth(self, joint: ET.Element) -> int:
         """Return the most movable joints on a way from a joint, itself among them."""
-        deeper = [self._depth(j) for j in self._at(end_of(joint, "child"))]
+        deeper = [self._depth(j) for j in self.below(end_of(joint, "child"))]
         return int(movable(joint)) + max(deeper, default=0)
 
     def _hand(self, joint: ET.Element) -> bool:
@@ -109,14 +134,14 @@ class LinkTree:
         gripper, and the joint that turns it is the arm's.
         """
         while not movable(joint):
-            following = [j for j in self._at(end_of(joint, "child")) if self._depth(j) > 0]
+            following = [j for j in self.below(end_of(joint, "child")) if self._depth(j) > 0]
             if len(following) != 1:
                 return True
             joint = following[0]
         if joint.find("mimic") is not None:
             return True
         name, child = joint.get("name", ""), end_of(joint, "child")
-        beyond = [j for j in self._at(child) if self._depth(j) > 0]
+        beyond = [j for j in self.below(child) if self._depth(j) > 0]
         if beyond and (_OF_A_WRIST.search(name) or not _OF_A_HAND.search(name)):
             return False
         named = _OF_A_HAND.search(name) or _OF_A_HAND.search(child)
@@ -124,16 +149,12 @@ class LinkTree:
 
     def _tool(self, at: str) -> str:
         """Return the tool's frame among the links that are fixed to the last one, if there is."""
-        fixed, waiting = [], [at]
-        while waiting:
-            link = waiting.pop(0)
-            fixed.append(link)
-            waiting += [end_of(j, "child") for j in self._at(link) if not movable(j)]
+        fixed = [link for link, _, _ in self.walk(at, lambda joint: not movable(joint))]
         for word in _TOOLS:
             for link in fixed[1:]:
                 if link.lower() == word or link.lower().endswith(f"_{word}"):
                     return link
-        hands = [link for link in fixed if any(movable(j) for j in self._at(link))]
+        hands = [link for link in fixed if any(movable(j) for j in self.below(link))]
         return hands[0] if hands else at
 
 
@@ -163,12 +184,6 @@ def side_of(text: str) -> str:
 def movable(joint: ET.Element) -> bool:
     """Return whether a joint moves along or about one axis."""
     return joint.get("type") in ("revolute", "continuous", "prismatic")
-
-
-def end_of(joint: ET.Element, which: str) -> str:
-    """Return the name of a joint's `parent` or `child`, empty where it has none."""
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
 
 
 # --- Facts of a URDF that a cell needs: which chain is the arm, which links lack what -------------
@@ -210,6 +225,10 @@ class UrdfArm:
     """Joints of these that its last link carries: a gripper's."""
     own: frozenset[str] = frozenset()  # the links that its first joint carries
 
+    @cached_property
+    def tree(self) -> LinkTree:
+        return LinkTree(self.root)
+
 
 def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> list[UrdfArm]:
     """Read a URDF; `tips` are the arms' last links, one arm's is found where none is said.
@@ -218,8 +237,8 @@ def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> 
     `ConfigError`.
     """
     root = read_tree(urdf)
-    carried = {end_of(j, "child"): j for j in root.findall("joint")}
-    links = [link.get("name", "") for link in root.findall("link")]
+    tree = LinkTree(root)
+    carried, links = tree.above, list(tree.links)
     if not links:
         raise ConfigError(f"{urdf}: holds no links")
     for tip in tips:
@@ -246,8 +265,10 @@ def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> 
     moved = [joint for arm in arms for joint in arm.chain]
     held = [j.get("name", "") for j in root.findall("joint") if movable(j) and j not in moved]
     for arm in arms:
-        arm.own = frozenset(carried_by(root, end_of(arm.chain[0], "child")))
-        hand = carried_by(root, end_of(arm.chain[-1], "child"))
+        arm.own, hand = (
+            frozenset(name for name, _, _ in tree.walk(end_of(arm.chain[at], "child")))
+            for at in (0, -1)
+        )
         arm.fingers = [
             j.get("name", "")
             for j in root.findall("joint")
@@ -257,7 +278,7 @@ def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> 
     wrong: list[str] = []
     for link in root.findall("link"):
         try:
-            _look_at(arms, link, packages, carried)
+            _look_at(arms, link, packages)
         except ConfigError as error:
             wrong += error.messages
     if wrong:
@@ -277,7 +298,7 @@ def _make_room(arms: list[UrdfArm], carried: Mapping[str, ET.Element]) -> None:
     for link in fits:
         R, p, at = np.eye(3), np.zeros(3), link
         while at in carried and carried[at] not in moved:
-            turn, shift = placement(carried[at])
+            turn, shift = origin_of(carried[at])
             R, p, at = turn @ R, turn @ p + shift, end_of(carried[at], "parent")
         places[link] = Place(carried[at].get("name", "") if at in carried else "", R, p)
     kept = merged(list(fits.values()), places, most)
@@ -331,34 +352,11 @@ def _part(arms: list[UrdfArm]) -> None:
         arm.first_joint = arm.chain[0].get("name")
 
 
-def carried_by(root: ET.Element, link: str) -> set[str]:
-    found, waiting = set(), [link]
-    while waiting:
-        at = waiting.pop()
-        if at not in found:
-            found.add(at)
-            waiting += [
-                end_of(j, "child") for j in root.findall("joint") if end_of(j, "parent") == at
-            ]
-    return found
-
-
 def carried_mass(arm: UrdfArm, link: str = "") -> float:
     """Return the mass of a link and all that it carries, or of what the arm's joints move [kg]."""
     estimated = {given.link: given.mass for given in arm.inertials}
-    moved, waiting = 0.0, [link or end_of(arm.chain[0], "child")]
-    masses = {link.get("name", ""): link.find("inertial/mass") for link in arm.root.findall("link")}
-    while waiting:
-        name = waiting.pop()
-        told = masses.get(name)
-        own = 0.0 if told is None else _number(told.get("value"))
-        moved += estimated.get(name, own)
-        waiting += [
-            end_of(joint, "child")
-            for joint in arm.root.findall("joint")
-            if end_of(joint, "parent") == name
-        ]
-    return moved
+    moved = arm.tree.walk(link or end_of(arm.chain[0], "child"))
+    return sum(estimated.get(name, arm.tree.mass(name)) for name, _, _ in moved)
 
 
 def beyond(arm: UrdfArm) -> tuple[float, tuple[float, ...]]:
@@ -366,40 +364,20 @@ def beyond(arm: UrdfArm) -> tuple[float, tuple[float, ...]]:
 
     In the tip link's frame, all joints beyond it at zero.
     """
-    below: dict[str, list[ET.Element]] = {}
-    for joint in arm.root.findall("joint"):
-        parent = joint.find("parent")
-        below.setdefault("" if parent is None else parent.get("link", ""), []).append(joint)
-    links = {link.get("name", ""): link for link in arm.root.findall("link")}
     estimated = {given.link: given for given in arm.inertials}
     mass, moment = 0.0, np.zeros(3)
-    waiting: list[tuple[str, Array, Array]] = [(arm.tip, np.eye(3), np.zeros(3))]
-    while waiting:
-        name, R, p = waiting.pop()
+    for name, R, p in arm.tree.walk(arm.tip):
         if name in estimated:
             own, com = estimated[name].mass, estimated[name].com
         else:
-            inertial = links[name].find("inertial")
-            told = None if inertial is None else inertial.find("mass")
-            own = 0.0 if told is None else float(told.get("value", "0"))
-            com = placement(inertial)[1]
+            own, com = arm.tree.mass(name), origin_of(arm.tree.links[name].find("inertial"))[1]
         mass += own
         moment = moment + own * (p + R @ com)
-        for joint in below.get(name, []):
-            child = joint.find("child")
-            turn, shift = placement(joint)
-            if child is not None:
-                waiting.append((child.get("link", ""), R @ turn, p + R @ shift))
     com = moment / mass if mass > 0.0 else moment
     return round(mass, 4), tuple(com.round(4).tolist())
 
 
-def _look_at(
-    arms: Sequence[UrdfArm],
-    link: ET.Element,
-    packages: Mapping[str, Path],
-    carried: Mapping[str, ET.Element],
-) -> None:
+def _look_at(arms: Sequence[UrdfArm], link: ET.Element, packages: Mapping[str, Path]) -> None:
     """Fit capsules where the daemon reads no shape, and estimate what has no inertia.
 
     For the arm whose link it is; for all of them where it is none's.
@@ -407,17 +385,16 @@ def _look_at(
     name, urdf = link.get("name", ""), arms[0].urdf
     its = [arm for arm in arms if name in arm.own] or list(arms)
     shape = link_shape(link, urdf, packages, meshes_only=True)
-    told = link.find("inertial/mass")
-    mass = 0.0 if told is None else _number(told.get("value"))
+    mass = its[0].tree.mass(name)
     around: Fit | None = None
     if shape is not None:
         around = fit(shape)
     elif mass >= FRAME_MASS and link.find("collision") is None:
-        around = _ball(name, mass, placement(link.find("inertial"))[1])
+        around = _ball(name, mass, origin_of(link.find("inertial"))[1])
     for arm in its:
         arm.fits += [] if around is None else [around]
     why = inertial_fault(link)
-    if why in (None, NO_INERTIA) and mass < FRAME_MASS and not _alone(its[0], name, carried):
+    if why in (None, NO_INERTIA) and mass < FRAME_MASS and not _alone(its[0], name):
         return  # a frame, which something else carries
     if why is None and mass == 0.0:
         why = "the URDF has none, or one without mass"
@@ -442,28 +419,15 @@ def _ball(name: str, mass: float, com: Array) -> Fit:
     return Fit(name, (Tube(com.round(4), com.round(4), radius),), 1.0, "the mass of no shape")
 
 
-def _alone(arm: UrdfArm, name: str, carried: Mapping[str, ET.Element]) -> bool:
+def _alone(arm: UrdfArm, name: str) -> bool:
     """Return whether a link's joint is of the arm, and moves a link that has no mass of its own.
 
     What is fixed to such a link may have all the mass.
     """
-    if carried.get(name) not in arm.chain:
+    if arm.tree.above.get(name) not in arm.chain:
         return False
-    below: dict[str, list[str]] = {}
-    for child, joint in carried.items():
-        if joint not in arm.chain:
-            below.setdefault(end_of(joint, "parent"), []).append(child)
-    masses = {
-        link.get("name", ""): _number(m.get("value"))
-        for link in arm.root.findall("link")
-        if (m := link.find("inertial/mass")) is not None
-    }
-    waiting, mass = [name], 0.0
-    while waiting:
-        link = waiting.pop()
-        mass += masses.get(link, 0.0)
-        waiting += below.get(link, [])
-    return mass <= 0.0
+    one_body = arm.tree.walk(name, lambda joint: joint not in arm.chain)
+    return sum(arm.tree.mass(link) for link, _, _ in one_body) <= 0.0
 
 
 def _number(text: str | None) -> float:

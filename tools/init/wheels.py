@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from ...config.urdf.elements import check_elements
+from ...config.urdf.elements import check_elements, end_of, floats, origin_of
 from ...config.urdf.robot import ALONG_AXLE
-from .capsules import Array, link_shape, placement
+from .capsules import Array, link_shape
 from .draft import QUICKEST, STRONGEST, DriveDraft, Wheels, limit_of
-from .robot import LinkTree, UrdfArm, carried_by, carried_mass, end_of, is_wheel, movable, moves
+from .robot import UrdfArm, carried_mass, is_wheel, movable, moves
 
 LIKE: Final = 0.01  # radii that differ by more of one are two, and places of the track [1]
 AT_FLOOR: Final = 0.1  # a wheel's rim is on the root's floor within this part of its radius [1]
@@ -108,7 +108,7 @@ def _checked(arm: UrdfArm, left: _Wheel, right: _Wheel) -> Wheels | str:
     height = radius - float(middle[2])
     if abs(height) <= LIKE * radius:
         height = 0.0
-    mass = carried_mass(arm, LinkTree(arm.root).roots[0])
+    mass = carried_mass(arm, arm.tree.roots[0])
     drives = _drive(left.joint, radius, mass), _drive(right.joint, radius, mass)
     rim = radius * min(drive.velocity for drive in drives)
     speed = min(SPEED[0], STRAIGHT * rim)
@@ -126,12 +126,11 @@ def _wheels(arm: UrdfArm, packages: Mapping[str, Path]) -> list[_Wheel]:
         if joint.get("type") != "continuous" or joint.find("mimic") is not None:
             continue
         axis = joint.find("axis")
-        told = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-        own = np.array([float(x) for x in told.split()])
+        own = floats("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         own = own / max(float(np.linalg.norm(own)), 1e-12)
         along = R @ own
-        beyond = carried_by(arm.root, end_of(joint, "child"))
-        further = [j for j in arm.root.findall("joint") if end_of(j, "parent") in beyond]
+        beyond = arm.tree.walk(end_of(joint, "child"))
+        further = [j for link, _, _ in beyond for j in arm.tree.below(link)]
         if abs(along[2]) > 0.5 or any(map(movable, further)) or _of_a_caster(arm, joint):
             continue
         radius = _radius(arm, end_of(joint, "child"), own, packages)
@@ -143,37 +142,27 @@ def _wheels(arm: UrdfArm, packages: Mapping[str, Path]) -> list[_Wheel]:
 
 def _on_chassis(arm: UrdfArm) -> Iterator[tuple[ET.Element, Array, Array]]:
     """Yield joints on the root link, or on links held on it, with attitude and place in it."""
-    joints = arm.root.findall("joint")
-    waiting = [(LinkTree(arm.root).roots[0], np.eye(3), np.zeros(3))]
     standing = {told.rsplit(" (", 1)[0] for told in arm.standing}
-    while waiting:
-        link, R, p = waiting.pop()
-        for joint in joints:
-            if end_of(joint, "parent") != link or joint in arm.chain:
-                continue
-            turn, shift = placement(joint)
-            at = R @ turn, p + R @ shift
-            held = joint.get("name") in standing or joint.get("type") in ("fixed", "prismatic")
-            if held:
-                waiting.append((end_of(joint, "child"), *at))
-            else:
-                yield (joint, *at)
+
+    def held(joint: ET.Element) -> bool:
+        still = joint.get("name") in standing or joint.get("type") in ("fixed", "prismatic")
+        return still and joint not in arm.chain
+
+    for link, R, p in arm.tree.walk(arm.tree.roots[0], held):
+        for joint in arm.tree.below(link):
+            if joint not in arm.chain and not held(joint):
+                turn, shift = origin_of(joint)
+                yield joint, R @ turn, p + R @ shift
 
 
 def _radius(arm: UrdfArm, link: str, axis: Array, packages: Mapping[str, Path]) -> float:
     """Return how far a wheel's shape stands out from its axis (3,) [m]; 0 without a shape."""
-    links = {each.get("name", ""): each for each in arm.root.findall("link")}
-    most, waiting = 0.0, [(link, np.eye(3), np.zeros(3))]
-    while waiting:
-        name, R, p = waiting.pop()
-        shape = link_shape(links[name], arm.urdf, packages, around=False)
+    most = 0.0
+    for name, R, p in arm.tree.walk(link):
+        shape = link_shape(arm.tree.links[name], arm.urdf, packages, around=False)
         if shape is not None:
             points = shape.triangles.reshape(-1, 3) @ R.T + p
             most = max(most, float(np.linalg.norm(np.cross(points, axis), axis=1).max()))
-        for joint in arm.root.findall("joint"):
-            if end_of(joint, "parent") == name:
-                turn, shift = placement(joint)
-                waiting.append((end_of(joint, "child"), R @ turn, p + R @ shift))
     return most
 
 
