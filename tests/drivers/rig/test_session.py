@@ -44,13 +44,13 @@ def test_it_runs_without_a_router_and_finds_one_that_comes_later(
 ) -> None:
     session.publish(TRUTH)
     assert list(session.faults()) == []
+    assert not session.heard
     router = zenoh.open(router_config(endpoint))
     heard = router.declare_subscriber(
         topics.RIG_TRUTH.full_key("pa10"), zenoh.handlers.RingChannel(1)
     )
     key = topics.RIG_FAULT.full_key("pa10")
     truth, faults = None, []
-    assert not session.heard
     for _ in range(TRIES):
         session.publish(TRUTH)
         router.put(key, b"no message")
