@@ -206,11 +206,14 @@ class Hub:
         What a member sends while it is being handed a frame comes after that frame for everyone.
         """
         message.timestamp = self.time_s
-        self._underway.append((sender, message))
         if self._delivering:
+            self._underway.append((sender, message))
             return
         self._delivering = True
         try:
+            for member in self._members:
+                if member is not sender:
+                    member.accept(message)
             while self._underway:
                 source, frame = self._underway.popleft()
                 for member in self._members:

@@ -6,7 +6,7 @@ from binascii import crc_hqx
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -85,6 +85,10 @@ class ObjectStore:
 
     def __setitem__(self, key: tuple[int, int], value: int) -> None:
         self._values[key] = value
+
+    def reader(self, key: tuple[int, int]) -> Callable[[], int]:
+        """Return what reads an object, time and again."""
+        return self.live.get(key) or partial(self.__getitem__, key)
 
     def variable(self, index: int, subindex: int) -> ODVariable:
         """Return an object's entry in the EDS. Raises `KeyError`."""
@@ -166,6 +170,8 @@ class Pdo:
     transmission: int
     keys: tuple[tuple[int, int], ...]
     layout: struct.Struct
+    readers: tuple[Callable[[], int], ...]
+    """Of the mapped objects."""
     inhibit: int = 0
     """At least so long after the one before [100 µs]; of an event's."""
     timer: int = 0
@@ -176,9 +182,9 @@ class Pdo:
         """Whether it goes by the SYNC."""
         return 1 <= self.transmission <= LAST_SYNC_TYPE
 
-    def pack(self, store: ObjectStore) -> bytes:
+    def pack(self) -> bytes:
         """Return the mapped objects' present values as they travel."""
-        return self.layout.pack(*[store[key] for key in self.keys])
+        return self.layout.pack(*[read() for read in self.readers])
 
 
 def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
@@ -202,7 +208,8 @@ def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
         transmission = store[communication + number, 2]
         layout = struct.Struct("<" + letters)
         times = (0, 0) if receive else _times(store, communication + number)
-        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, *times))
+        readers = tuple(store.reader(key) for key in keys)
+        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, readers, *times))
     return tuple(found)
 
 
@@ -313,9 +320,9 @@ class EventPdo:
         self._told: bytes | None = None
         self._told_s = 0.0
 
-    def due(self, store: ObjectStore, now_s: float) -> bytes | None:
+    def due(self, now_s: float) -> bytes | None:
         """Return the data to be sent now; None while nothing has changed, or too soon."""
-        data = self.pdo.pack(store)
+        data = self.pdo.pack()
         elapsed = now_s - self._told_s + 1e-7
         if self._told is not None and not self.at_sync:
             inhibit, timer = self.pdo.inhibit * INHIBIT_S, self.pdo.timer * TIMER_S
@@ -619,7 +626,7 @@ class CanNode:
         self._syncs += 1
         for pdo in self._tpdos:
             if self._syncs % pdo.transmission == 0:
-                self.link.send(pdo.can_id, pdo.pack(self.objects))
+                self.link.send(pdo.can_id, pdo.pack())
         for event in self._events:
             if event.at_sync:
                 self._tell(event)
@@ -651,7 +658,7 @@ class CanNode:
         self.on_rpdo(pdo)
 
     def _tell(self, event: EventPdo) -> None:
-        data = event.due(self.objects, self.clock())
+        data = event.due(self.clock())
         if data is not None:
             self.link.send(event.pdo.can_id, data)
 

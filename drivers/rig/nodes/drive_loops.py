@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from ....config.schema.mechanism import DriveSection
 from ....config.schema.rig import RigDriveSection
-from ....server.control.compiled import COUNTS, NUMBER, ROW, VECTOR, compiled, record
+from ....server.control.compiled import NUMBER, TABLE, VECTOR, compiled
 
 Vector = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 _SPEED_RESERVE = 1.2
 """A motor's top speed over the bound V that the cell keeps [1]."""
@@ -38,51 +37,36 @@ class DriveLoops:
         drives = [drive for of_arm, _ in arms for drive in of_arm]
         n = len(drives)
         self.dt = dt
-        self._stiffness = _per_joint(arms, "stiffness")
-        self._damping = _per_joint(arms, "damping")
-        self._integral_step = _per_joint(arms, "integral") * dt
-        self.max_torque = np.array([d.max_torque for d in drives])
-        self.max_speed = np.array([d.max_velocity * _SPEED_RESERVE for d in drives])
-        self.reference = np.zeros(n)
-        """Demanded position [rad]."""
-        self.speed = np.zeros(n)
-        """Speed of the reference [rad/s]."""
-        self.error = np.zeros(n)
-        """Following error: reference minus position [rad]."""
-        self.torque = np.zeros(n)
-        """Torques of the motors [N·m]."""
-        self.reported = np.zeros(n)
-        """The same as the drives report it, low-passed [N·m]."""
-        self._reporting = np.concatenate(
+        # As `_step` takes them, a row of each: all are changed in place, and none is ever replaced.
+        self._table = table = np.zeros((21, n))
+        stiffness, damping, integral_step, reporting = table[:4]
+        stiffness[:] = _per_joint(arms, "stiffness")
+        damping[:] = _per_joint(arms, "damping")
+        integral_step[:] = _per_joint(arms, "integral") * dt
+        reporting[:] = np.concatenate(
             [
                 np.full(len(of_arm), 1.0 - math.exp(-dt / max(gains.torque_filter_s, 1e-9)))
                 for of_arm, gains in arms
             ]
         )
-        self.window = np.full(n, np.inf)
-        """Following error that is too much [rad]."""
-        self.steps_beyond = np.zeros(n, dtype=np.int64)
-        """Physics steps in a row with a following error beyond the window [1]."""
-        self.offset = np.zeros(n)
-        """Torque that is fed forward [N·m]."""
-        self._integral = np.zeros(n)
-        self._engaged = np.zeros(n)
-        self._looped = np.zeros(n)
-        """1 for a joint that follows its reference, 0 for one without power or in CST."""
-        self._pulled = np.full(n, np.nan)
-        """Torque asked for of each joint in CST [N·m]; not a number for one in another mode."""
-        self._running = np.zeros(n, dtype=np.int64)
-        """1 for a joint in CSV."""
-        self._steps_left = np.full(n, -1, dtype=np.int64)
-        self._deceleration = np.zeros(n)
-        # As `_step` takes them: all are changed in place, and none is ever replaced.
-        self._gains = (self._stiffness, self._damping, self._integral_step, self._reporting)
-        self._bounds = (self.max_torque, self.max_speed, self.window)
-        self._asked = (self.offset, self._pulled, self._deceleration, self._engaged, self._looped)
-        self._state = (
-            self.reference, self.speed, self.error, self._integral, self.torque, self.reported,
-        )  # fmt: skip
-        self._counts = (self._running, self._steps_left, self.steps_beyond)
+        self.max_torque, self.max_speed, self.window = table[4:7]
+        """`window` is the following error that is too much [rad]."""
+        self.max_torque[:] = [d.max_torque for d in drives]
+        self.max_speed[:] = [d.max_velocity * _SPEED_RESERVE for d in drives]
+        self.window[:] = np.inf
+        self.offset, self._pulled, self._deceleration, self._engaged, self._looped = table[7:12]
+        """`offset` is fed forward, `pulled` asked for in CST [N·m]: not a number in another mode;
+        `looped` is 1 for a joint that follows its reference, 0 for one without power or in CST."""
+        self._pulled[:] = np.nan
+        self.reference, self.speed, self.error, self._integral, self.torque, self.reported = table[
+            12:18
+        ]
+        """Demanded position and its speed, the following error, which is the reference minus the
+        position [rad]; torques of the motors, and as the drives report them, low-passed [N·m]."""
+        self._running, self._steps_left, self.steps_beyond = table[18:]
+        """1 for a joint in CSV; physics steps of its aim that are left; steps in a row with a
+        following error beyond the window [1]."""
+        self._steps_left[:] = -1
 
     def engage(self, joint: int, position: float, speed: float = 0.0) -> None:
         """Switch a joint's torque on: hold `position` [rad], starting at `speed` [rad/s]."""
@@ -158,33 +142,25 @@ class DriveLoops:
 
     def step(self, q: Vector, dq: Vector) -> Vector:
         """Advance by one physics step; return the torques (n,) [N·m]."""
-        _step(q, dq, self.dt, self._gains, self._bounds, self._asked, self._state, self._counts)
-        return self.torque
+        _step(q, dq, self.dt, self._table)
+        torque: Vector = self.torque
+        return torque
 
 
-@compiled(
-    VECTOR, VECTOR, NUMBER, record(*4 * (ROW,)), record(*3 * (ROW,)), record(*5 * (ROW,)),
-    record(*6 * (ROW,)), record(*3 * (COUNTS,)),
-)  # fmt: skip
-def _step(
-    q: Vector,
-    dq: Vector,
-    dt: float,
-    gains: tuple[Vector, ...],
-    bounds: tuple[Vector, ...],
-    asked: tuple[Vector, ...],
-    state: tuple[Vector, ...],
-    counts: tuple[Counts, ...],
-) -> None:
-    """Advance all loops by one physics step; the tuples are those of `DriveLoops`."""
-    stiffness, damping, integral_step, reporting = gains
-    max_torque, max_speed, window = bounds
-    offset, pulled, deceleration, engaged, looped = asked
-    reference, speed, error, integral, torque, reported = state
-    running, steps_left, steps_beyond = counts
+@compiled(VECTOR, VECTOR, NUMBER, TABLE)
+def _step(q: Vector, dq: Vector, dt: float, table: Vector) -> None:
+    """Advance all loops by one physics step; the rows are those of `DriveLoops`."""
+    stiffness, damping, integral_step, reporting = table[0], table[1], table[2], table[3]
+    max_torque, max_speed, window = table[4], table[5], table[6]
+    offset, pulled, deceleration = table[7], table[8], table[9]
+    engaged, looped = table[10], table[11]
+    reference, speed, error, integral = table[12], table[13], table[14], table[15]
+    torque, reported = table[16], table[17]
+    running, steps_left, steps_beyond = table[18], table[19], table[20]
     for i in range(len(q)):
         most, fastest = max_torque[i], max_speed[i]
-        if running[i]:  # a speed loop does not run away from a joint that its motor cannot move
+        if running[i] != 0.0:
+            # A speed loop does not run away from a joint that its motor cannot move.
             reach = most / stiffness[i]
             reference[i] = min(max(reference[i], q[i] - reach), q[i] + reach)
         error[i] = (reference[i] - q[i]) * looped[i]
@@ -199,13 +175,13 @@ def _step(
             given = min(max(min(max(pulled[i], low), high), -most), most)
         torque[i] = given * engaged[i]
         reported[i] += reporting[i] * (torque[i] - reported[i])
-        steps_beyond[i] = steps_beyond[i] + 1 if abs(error[i]) > window[i] else 0
+        steps_beyond[i] = steps_beyond[i] + 1.0 if abs(error[i]) > window[i] else 0.0
         if deceleration[i] > 0.0:
             slower = max(abs(speed[i]) - deceleration[i] * dt, 0.0)
             speed[i] = math.copysign(slower, speed[i])
         reference[i] += speed[i] * dt
-        steps_left[i] -= 1
-        if steps_left[i] == 0:
+        steps_left[i] -= 1.0
+        if steps_left[i] == 0.0:
             speed[i] = 0.0
 
 

@@ -51,11 +51,17 @@ class NodeLink:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame, if the faults let it through."""
-        self._pass(can_id, data, outward=True)
+        if self.late or self._disturbed:
+            self._pass(can_id, data, outward=True)
+        else:
+            self._send(can_id, data)
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand the node a frame from the bus, if the faults let it through."""
-        self._pass(can_id, data, outward=False)
+        if self.late or self._disturbed:
+            self._pass(can_id, data, outward=False)
+        else:
+            self.on_frame(can_id, data)
 
     def disturb(self, fault: RigFault) -> None:
         """Apply a fault of the connection, or take it back. Raises `ValueError` for a bad value."""
@@ -77,6 +83,10 @@ class NodeLink:
             if not self.silent:
                 self._hand_on(frame, outward)
 
+    @property
+    def _disturbed(self) -> bool:
+        return self.silent or self.drop > 0 or self.corrupt > 0 or self.delay_s > 0
+
     def _pass(self, can_id: int, data: bytes, *, outward: bool) -> None:
         if self.silent:
             return
@@ -97,10 +107,10 @@ class NodeLink:
 
     def _hand_on(self, frame: Frame, outward: bool) -> None:
         can_id, data = frame
-        if outward:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-        else:
-            self.on_frame(can_id, data)
+        (self._send if outward else self.on_frame)(can_id, data)
+
+    def _send(self, can_id: int, data: bytes) -> None:
+        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
 
 def _ignore(_can_id: int, _data: bytes) -> None:

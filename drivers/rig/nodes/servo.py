@@ -1,7 +1,7 @@
 """The simulated CiA 402 servo drive in CSP, CSV and CST, with a holding brake."""
 
 from collections.abc import Callable
-from typing import Final, Self, cast
+from typing import Final, NamedTuple, Self, cast
 
 from ....config.schema.bus import Entry
 from ....config.schema.mechanism import DriveSection
@@ -26,11 +26,26 @@ from .node import Bench, NodeLink
 # --- From the objects of a simulated drive to the reference and the bounds of its loop ------------
 
 _UNLIMITED: Final = 0xFFFFFFFF
+_TARGET_POSITION: Final = (Object.TARGET_POSITION, 0)
+_CONTROLWORD: Final = (Object.CONTROLWORD, 0)
+_MODE_DISPLAY: Final = (Object.MODE_DISPLAY, 0)
+_SETPOINT_TIMEOUT: Final = (Object.SETPOINT_TIMEOUT, 0)
+
+
+class Interpolation(NamedTuple):
+    """How a drive takes a position that it is sent: within its limits, over a period."""
+
+    low: int
+    """[counts]"""
+    high: int
+    """[counts]"""
+    period_s: float
 
 
 def follow(
     mode: int,
     objects: ObjectStore,
+    interpolation: Interpolation,
     loop: DriveLoops,
     joint: int,
     drive: DriveSection,
@@ -43,11 +58,9 @@ def follow(
     """
     scale = drive.direction * drive.counts_per_radian
     if mode == OperationMode.CSP:
-        counts = objects[Object.TARGET_POSITION, 0]
-        low, high = objects[Object.POSITION_LIMIT, 1], objects[Object.POSITION_LIMIT, 2]
+        counts = objects[_TARGET_POSITION]
+        low, high, period_s = interpolation
         kept = min(max(counts, low), high)
-        value = objects[Object.INTERPOLATION_PERIOD, 1]
-        period_s = value * 10.0 ** objects[Object.INTERPOLATION_PERIOD, 2]
         target = drive.zero_rad + kept / scale
         return loop.aim(joint, target, period_s, streamed=streamed) or kept != counts
     if mode == OperationMode.CSV:
@@ -59,14 +72,20 @@ def follow(
 
 def tune(
     mode: int, objects: ObjectStore, loop: DriveLoops, joint: int, drive: DriveSection
-) -> None:
-    """Take over the following window of the mode, the torque offset and the bound of torque."""
+) -> Interpolation:
+    """Take over the following window of the mode, the torque offset and the bound of torque.
+
+    Returns how positions are to be taken.
+    """
     loop.window[joint] = window(mode, objects, drive)
     share = objects[Object.TORQUE_OFFSET, 0] * 1e-3
     loop.offset[joint] = share * drive.direction * drive.rated_torque
     bound = objects[Object.MAX_TORQUE, 0]
     reached = bound >= most_torque(drive)
     loop.max_torque[joint] = drive.max_torque if reached else bound * 1e-3 * drive.rated_torque
+    low, high = objects[Object.POSITION_LIMIT, 1], objects[Object.POSITION_LIMIT, 2]
+    value, power = (objects[Object.INTERPOLATION_PERIOD, i] for i in (1, 2))
+    return Interpolation(low, high, value * 10.0**power)
 
 
 def most_torque(drive: DriveSection) -> int:
@@ -274,14 +293,21 @@ _TARGETS = frozenset(
     )
 )
 _TUNING = frozenset(
-    (Object.FOLLOWING_WINDOW, Object.MODE_OF_OPERATION, Object.TORQUE_OFFSET, Object.MAX_TORQUE)
+    (
+        Object.FOLLOWING_WINDOW,
+        Object.MODE_OF_OPERATION,
+        Object.TORQUE_OFFSET,
+        Object.MAX_TORQUE,
+        Object.POSITION_LIMIT,
+        Object.INTERPOLATION_PERIOD,
+    )
 )
 
 
 class SimulatedDrive(CanNode):
     """One joint's drive. `joint` is its place in `loop` and `world`; `clock` gives physics time."""
 
-    plain = _TARGETS | {(Object.CONTROLWORD, 0)}
+    plain = _TARGETS | {_CONTROLWORD}
 
     def __init__(
         self,
@@ -352,7 +378,7 @@ class SimulatedDrive(CanNode):
         self._power.switch_off()
         if not communication_only:
             self.objects[Object.MAX_TORQUE, 0] = most_torque(self.drive)
-        tune(self._mode, self.objects, self._loop, self._joint, self.drive)
+        self._tune()
         self._controlword, self._cut, self._asked = 0, False, False
         if not (communication_only and self.state.in_fault):
             self.state, self._error = DriveState.SWITCH_ON_DISABLED, EmcyCode.NO_ERROR
@@ -371,7 +397,7 @@ class SimulatedDrive(CanNode):
         if index == Object.CONTROLWORD:
             self._obey(value)
         elif index in _TUNING:
-            tune(self._mode, self.objects, self._loop, self._joint, self.drive)
+            self._tune()
         elif (index, subindex) in _TARGETS:
             self._asked = True
 
@@ -381,8 +407,8 @@ class SimulatedDrive(CanNode):
 
     def on_rpdo(self, pdo: Pdo) -> None:
         """Obey the controlword, then follow the setpoint of the mode, of a PDO that has them."""
-        if (Object.CONTROLWORD, 0) in pdo.keys:
-            self._obey(self.objects[Object.CONTROLWORD, 0])
+        if _CONTROLWORD in pdo.keys:
+            self._obey(self.objects[_CONTROLWORD])
         if self.state is _ENABLED and not _TARGETS.isdisjoint(pdo.keys):
             self._follow()
 
@@ -419,7 +445,7 @@ class SimulatedDrive(CanNode):
         if self._loop.steps_beyond[self._joint]:
             self._watch_following()
         if self.state is _ENABLED:
-            timeout = self.objects[Object.SETPOINT_TIMEOUT, 0] * 1e-3
+            timeout = self.objects[_SETPOINT_TIMEOUT] * 1e-3
             if timeout > 0:
                 if now > self._setpoint_s + timeout:
                     self._fail(EmcyCode.SETPOINT_TIMEOUT, ramp=True)
@@ -492,7 +518,7 @@ class SimulatedDrive(CanNode):
 
     @property
     def _mode(self) -> int:
-        return self.objects[Object.MODE_DISPLAY, 0]
+        return self.objects[_MODE_DISPLAY]
 
     def _select(self, mode: int) -> None:
         if mode != self._mode and (self.state is _ENABLED or self._power.coming_on):
@@ -501,8 +527,12 @@ class SimulatedDrive(CanNode):
 
     def _follow(self, *, streamed: bool = True) -> None:
         """Follow the newest setpoint of the mode; what the drive's limits cut is reported."""
-        at = (self._loop, self._joint, self.drive)
+        at = (self._interpolation, self._loop, self._joint, self.drive)
         self._cut = follow(self._mode, self.objects, *at, streamed=streamed)
+
+    def _tune(self) -> None:
+        at = (self._loop, self._joint, self.drive)
+        self._interpolation = tune(self._mode, self.objects, *at)
 
     def _follow_torque(self) -> None:
         if self._mode == OperationMode.CST:
