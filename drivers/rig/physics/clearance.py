@@ -1,5 +1,6 @@
 """Distances in the physics: of arms from what stands around, each other, and lines of sight."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
+from ....server.control.compiled import INDEX, MATRIX, ROW, VECTOR, compiled
 
 # --- Distances in the physics: of arms from what stands around them, and from each other ----------
 
@@ -39,9 +41,34 @@ class _Shapes(NamedTuple):
     radius: Vector
     """Of the arms' bounding balls (a,) [m]."""
     reach: Vector
-    """Of the bounding balls of what stands (f, 1) [m]; 0 of a box."""
+    """Of the bounding balls of what stands (f,) [m]; 0 of a box."""
     halves: Vector
-    """Half the sizes of what stands (f, 1, 3) [m]; 0 of what is no box."""
+    """Half the sizes of what stands (f, 3) [m]; 0 of what is no box."""
+
+
+@compiled(MATRIX, MATRIX, INDEX, INDEX, VECTOR, VECTOR, MATRIX, ROW)
+def _lower_bounds(
+    places: Vector,
+    turned: Vector,
+    arm: NDArray[np.int64],
+    fixed: NDArray[np.int64],
+    radius: Vector,
+    reach: Vector,
+    halves: Vector,
+    bounds: Vector,
+) -> None:
+    """Write lower bounds (a·f,) of distances [m]: places (g, 3), matrices (g, 9), `_Shapes`."""
+    for i in range(len(arm)):
+        for j in range(len(fixed)):
+            R, beside = fixed[j], 0.0
+            for k in range(3):
+                local = 0.0
+                for m in range(3):
+                    local += (places[arm[i], m] - places[R, m]) * turned[R, 3 * m + k]
+                beside += max(abs(local) - halves[j, k], 0.0) ** 2
+            # What is in the middle of a box may be deeper than its own radius.
+            bound = math.sqrt(beside) - radius[i] - reach[j] if beside > 0.0 else -math.inf
+            bounds[i * len(fixed) + j] = bound
 
 
 class WorldDistances:
@@ -90,7 +117,8 @@ class WorldDistances:
         if self._pushes.all():
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        bound = np.where(self._pushes, np.inf, self._bounds_of_fixed())
+        bound = self._bounds_of_fixed()
+        bound[self._pushes] = np.inf
         fromto = np.zeros(6)
         found = TrueNearest(1.0, np.zeros(3), np.zeros(3), "")
         # Lower bounds tell which pairs can be the nearest at all.
@@ -134,26 +162,21 @@ class WorldDistances:
 
         A bounding ball fits a wide box badly: beside one, the box itself counts.
         """
-        known, places = self._shapes, self._data.geom_xpos
-        way = places[known.arm] - places[known.fixed][:, None]
-        local = np.abs(way @ self._data.geom_xmat[known.fixed].reshape(-1, 3, 3))
-        beyond = np.maximum(local - known.halves, 0.0)
-        beside = np.sqrt((beyond * beyond).sum(axis=2))
-        # What is in the middle of a box may be deeper than its own radius.
-        found = np.where(beside > 0.0, beside - known.radius - known.reach, -np.inf)
-        return np.asarray(found.T.ravel())
+        bounds = np.empty(len(self._pairs))
+        _lower_bounds(self._data.geom_xpos, self._data.geom_xmat, *self._shapes, bounds)
+        return bounds
 
     @cached_property
     def _shapes(self) -> "_Shapes":
         model, count = self._model, len(self._fixed)
         arm, fixed = self._pairs[::count, 0], self._pairs[:count, 1]
-        box = (model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX)[:, None]
+        box = model.geom_type[fixed] == mujoco.mjtGeom.mjGEOM_BOX
         return _Shapes(
             arm,
             fixed,
             model.geom_rbound[arm],
-            np.where(box, 0.0, model.geom_rbound[fixed][:, None]),
-            np.where(box, model.geom_size[fixed], 0.0)[:, None],
+            np.where(box, 0.0, model.geom_rbound[fixed]),
+            np.where(box[:, None], model.geom_size[fixed], 0.0),
         )
 
     @cached_property

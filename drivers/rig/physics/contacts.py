@@ -5,6 +5,7 @@ spike. Therefore a contact counts as the sum of magnitudes over the pairs of sol
 `note` takes it in at every physics step. Solids are convex: within a pair, forces cannot cancel.
 """
 
+import math
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from typing import Final
@@ -51,9 +52,8 @@ class Contacts:
     def force(self, side: int) -> Vector:
         """Return the net force (3,) [N] of an arm, or the payload, on what stands, in World."""
         total = np.zeros(3)
-        for (first, second), i in self._touching():
+        for (first, second), on_second in self._pressing():
             if self._side(first, second) == side:
-                on_second = self._on_second(i)
                 total += on_second if second in self._fixed else -on_second
         return total
 
@@ -88,17 +88,23 @@ class Contacts:
         if not self._data.ncon:
             return sums
         forces: dict[tuple[int, int], Vector] = {}
-        for pair, i in self._touching():
-            if self._side(*pair) != NOBODY:
-                forces[pair] = forces.get(pair, 0.0) + self._on_second(i)
+        for pair, force in self._pressing():
+            forces[pair] = forces[pair] + force if pair in forces else force
         for pair, force in forces.items():
-            sums[self._side(*pair)] += float(np.sqrt(force @ force))
+            sums[self._side(*pair)] += math.sqrt(force @ force)
         return sums
 
-    def _touching(self) -> Iterator[tuple[tuple[int, int], int]]:
-        """Yield the two geoms of every contact, and its index."""
-        for i, (first, second) in enumerate(self._data.contact.geom.tolist()):
-            yield (first, second), i
+    def _pressing(self) -> Iterator[tuple[tuple[int, int], Vector]]:
+        """Yield the two geoms of every contact that counts, and the force (3,) [N] on the second.
+
+        In World.
+        """
+        contacts, wrench = self._data.contact, self._wrench
+        frames = contacts.frame.reshape(-1, 3, 3)
+        for i, (first, second) in enumerate(contacts.geom.tolist()):
+            if self._side(first, second) != NOBODY:
+                mujoco.mj_contactForce(self._model, self._data, i, wrench)
+                yield (first, second), wrench[:3] @ frames[i]
 
     def _side(self, first: int, second: int) -> int:
         """Return whose contact with what stands this is, `OWN` or `NOBODY`."""
@@ -107,9 +113,3 @@ class Contacts:
         if (first in self._fixed) != (second in self._fixed):
             return self._side_of[second if first in self._fixed else first]
         return OWN if first not in self._fixed else NOBODY
-
-    def _on_second(self, contact: int) -> Vector:
-        """Return the force (3,) [N] of a contact on its second geom, in World."""
-        mujoco.mj_contactForce(self._model, self._data, contact, self._wrench)
-        R: Vector = self._data.contact[contact].frame.reshape(3, 3)
-        return np.asarray(self._wrench[:3] @ R)
