@@ -353,14 +353,15 @@ class ContactStability:
         Where it is far beyond the bound, a hard touch and the swing off are enough, else it takes
         a third.
         """
+        thrown = not self._rising and self._swings[-1] > self._hard_n
+        few = len(self._swings) < SWINGS - 1
+        if few and not thrown:
+            return
         stiffness, normal = self._estimated()
         gain = np.asarray(output.task.gains["force"])[:3]
         along = output.T_world_mrf_measured.R.T @ normal
         loop = float(gain @ along**2) * self.share * stiffness * self._period_s
-        thrown = not self._rising and self._swings[-1] > self._hard_n
-        if len(self._swings) < SWINGS - 1 and not (thrown and loop > SURELY * self._bound):
-            return
-        if loop < RINGS * self._bound:
+        if loop < (SURELY if few else RINGS) * self._bound:
             return
         self.share = max(SMALLEST, self.share * min(AT_MOST, SAFE * self._bound / loop))
         swing_n, self._normal, self._free_s = self._swings[-1], normal, 0.0
