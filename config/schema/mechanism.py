@@ -14,11 +14,20 @@ _Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
 
 
 class SegmentSection(Section):
-    """A straight or circular piece of a tunnel; x of its frame is the tangent."""
+    """A straight, circular or helical piece of a tunnel; x of its frame is the tangent.
+
+    Its frame turns evenly about an axis of its own: |(bend, climb)| / length is the curvature,
+    roll / length the torsion.
+    """
 
     length: float = Field(gt=1e-3, le=20, description="along the centre line [m]")
     bend: _Turn = Field(0.0, description="turn to the left, about its own z [rad]")
     climb: _Turn = Field(0.0, description="turn upward, about its own -y [rad]")
+    roll: _Turn = Field(
+        0.0,
+        description="turn about its own x, the tangent; with a bend or climb the piece is a helix "
+        "of torsion roll / length, right-handed where positive [rad]",
+    )
     to: PoseSection | None = Field(
         None,
         description="entrance of the next tunnel in World: the piece is the gap before it, of this "
@@ -92,8 +101,9 @@ class BackboneSection(Section):
                 f"{self.link_radius + self.clearance:g}"
             )
         for i, piece in enumerate(self.tunnel):
-            if piece.to is not None and (piece.bend or piece.climb or piece.open):
-                raise ValueError(f"tunnel[{i}].to: a gap has neither bend nor climb, and ends")
+            turns = piece.bend or piece.climb or piece.roll
+            if piece.to is not None and (turns or piece.open):
+                raise ValueError(f"tunnel[{i}].to: a gap has no bend, climb or roll, and ends")
         if self.tunnel[0].to is not None or self.tunnel[-1].to is not None:
             raise ValueError("tunnel: a gap lies between two pieces with walls")
         if not any(self.modes):
@@ -102,8 +112,9 @@ class BackboneSection(Section):
         if not walled[0] or walled != sorted(walled, reverse=True):
             raise ValueError("tunnel: open pieces come last, after one with walls")
         for i, piece in enumerate(self.tunnel):
-            if self.axes == "planar" and piece.climb:
-                raise ValueError(f"tunnel[{i}].climb: a planar arm cannot follow it")
+            for name, turn in (("climb", piece.climb), ("roll", piece.roll)):
+                if self.axes == "planar" and turn:
+                    raise ValueError(f"tunnel[{i}].{name}: a planar arm cannot follow it")
             angle = math.hypot(piece.bend, piece.climb)
             if angle * self.half_width >= piece.length and not piece.open:
                 raise ValueError(

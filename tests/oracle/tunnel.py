@@ -5,7 +5,7 @@ import math
 import numpy as np
 from telerobot.config.schema.mechanism import BackboneSection
 
-from .poses import Array, matrix, skew
+from .poses import Array, matrix, rotation
 
 STEP = 0.004
 """Points of the centre line are at most so far apart [m]."""
@@ -29,13 +29,10 @@ class Tunnel:
                 begins.append(len(points))
                 continue
             count = math.ceil(piece.length / STEP)
-            turn = np.array([0.0, -piece.climb, piece.bend]) / count
-            half, whole = _turned(0.5 * turn), _turned(turn)
+            turn = np.array([piece.roll, -piece.climb, piece.bend]) / count
+            whole, along = rotation(turn), _averaged(turn)
             for _ in range(count):
-                # The chord of an arc points along the tangent at its middle.
-                angle = max(float(np.linalg.norm(turn)), 1e-12)
-                chord = piece.length / count * math.sin(0.5 * angle) / (0.5 * angle)
-                p = p + chord * (R @ half)[:, 0]
+                p = p + piece.length / count * (R @ along)
                 R = R @ whole
                 points.append(p)
                 tangents.append(R[:, 0])
@@ -64,10 +61,9 @@ class Tunnel:
         return float(found.max()) if len(found) else 0.0
 
 
-def _turned(turn: Array) -> Array:
-    """Return the rotation matrix (3, 3) of a rotation vector (3,)."""
-    angle = float(np.linalg.norm(turn))
-    if not angle:
-        return np.eye(3)
-    K = skew(turn / angle)
-    return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
+def _averaged(turn: Array) -> Array:
+    """Return the tangent's average (3,) over an even turn (3,) [rad], by Simpson's rule."""
+    shares = np.linspace(0.0, 1.0, 9)
+    tangents = np.array([rotation(share * turn)[:, 0] for share in shares])
+    weights = np.array([1.0, 4.0, 2.0, 4.0, 2.0, 4.0, 2.0, 4.0, 1.0]) / 24.0
+    return np.asarray(weights @ tangents)

@@ -202,6 +202,8 @@ class _Piece(NamedTuple):
     """Columns: tangent in the middle, to where it turns, and across (3, 3)."""
     length: float
     angle: float
+    screw: float
+    """How far a helix leaves the plane of the arc in its middle, at its ends [m]."""
 
 
 def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
@@ -220,11 +222,11 @@ def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
         depth += piece.length
         for k, side in enumerate(sides):
             out = math.cos(side) * piece.R[:, 1] + math.sin(side) * piece.R[:, 2]
-            reach, inward = 0.5 * piece.length, 0.0
+            reach, inward = 0.5 * piece.length, piece.screw
             if piece.angle > 0.0:
                 radius = piece.length / piece.angle - half * math.cos(side)
                 reach = radius * math.tan(0.5 * piece.angle)
-                inward = max(0.0, math.cos(side)) * radius * (1.0 - math.cos(0.5 * piece.angle))
+                inward += max(0.0, math.cos(side)) * radius * (1.0 - math.cos(0.5 * piece.angle))
             away = half + inward + 0.5 * tunnel.thickness
             across = tunnel.half_height
             if not planar:
@@ -252,38 +254,40 @@ def _pieces(backbone: BackboneSection) -> Iterator[_Piece]:
         if segment.to is not None:
             p, R = np.array(segment.to.xyz), _attitude(segment.to.rpy)
             continue
-        angle = math.hypot(segment.bend, segment.climb)
-        count = max(1, math.ceil(angle / STEP - 1e-9))
+        bend = np.array([segment.bend, segment.climb])
+        angle, roll = float(np.linalg.norm(bend)), segment.roll
+        turn = np.array([roll, -segment.climb, segment.bend])
+        count = math.ceil(math.hypot(angle, roll) / STEP - 1e-9)
         if not angle:
-            count = max(1, math.ceil(segment.length / (2.0 * LONGEST) - 1e-9))
-        axis = np.array([0.0, -segment.climb, segment.bend]) / max(angle, 1e-12)
-        inward = np.cross(axis, [1.0, 0.0, 0.0]) if angle else np.array([0.0, 1.0, 0.0])
-        length, turn = segment.length / count, angle / count
+            count = math.ceil(segment.length / (2.0 * LONGEST) - 1e-9)
+        count = max(1, count)
+        inward = np.array([0.0, *(bend / angle if angle else (1.0, 0.0))])
+        length = segment.length / count
         for _ in range(count):
-            middle = p + R @ _along(0.5 * length, 0.5 * turn, inward)
-            mid = R @ _turned(axis, 0.5 * turn)
+            way, half = _onward(0.5 * length, 0.5 * turn / count)
+            middle, mid = p + R @ way, R @ half
             to = mid @ inward
+            across = np.cross(mid[:, 0], to)
+            screw = angle * abs(roll) * length / (48.0 * count**2)
             yield _Piece(
-                middle, np.column_stack((mid[:, 0], to, np.cross(mid[:, 0], to))), length, turn
+                middle, np.column_stack((mid[:, 0], to, across)), length, angle / count, screw
             )
-            p, R = p + R @ _along(length, turn, inward), R @ _turned(axis, turn)
+            way, whole = _onward(length, turn / count)
+            p, R = p + R @ way, R @ whole
 
 
-def _along(length: float, angle: float, inward: _Vector) -> _Vector:
-    """Return the way (3,) along an arc from its first frame on [m]."""
+def _onward(length: float, turn: _Vector) -> tuple[_Vector, NDArray[np.float64]]:
+    """Return the way (3,) [m] along x that turns evenly by a vector (3,) [rad], and R (3, 3)."""
+    way, angle = np.array([1.0, 0.0, 0.0]), float(np.linalg.norm(turn))
     if not angle:
-        return np.array([length, 0.0, 0.0])
-    radius = length / angle
-    way: _Vector = radius * np.array([math.sin(angle), 0.0, 0.0])
-    return way + radius * (1.0 - math.cos(angle)) * inward
-
-
-def _turned(axis: _Vector, angle: float) -> NDArray[np.float64]:
-    """Return the rotation (3, 3) about a unit axis (3,)."""
-    quat, R = np.zeros(4), np.zeros(9)
+        return length * way, np.eye(3)
+    quat, R, axis = np.zeros(4), np.zeros(9), turn / angle
     mujoco.mju_axisAngle2Quat(quat, axis, angle)
     mujoco.mju_quat2Mat(R, quat)
-    return R.reshape(3, 3)
+    once = np.cross(axis, way)
+    way = way + (1.0 - math.cos(angle)) / angle * once
+    way += (1.0 - math.sin(angle) / angle) * np.cross(axis, once)
+    return length * way, R.reshape(3, 3)
 
 
 def _attitude(rpy: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -8,9 +8,9 @@ import numpy as np
 from ....config.drives import joint_bounds
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.mechanism import BackboneSection
+from ....config.schema.mechanism import BackboneSection, SegmentSection
 from ..compiled import MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
-from ..spatial import Array, Pose, rotation_exp
+from ..spatial import Array, Pose
 from .fit import Chain
 from .tunnels import Arcs, Turn, solve_gap
 
@@ -385,15 +385,15 @@ def centre_line(section: BackboneSection, step_m: float) -> list[list[Pose]]:
             rows.append([T])
             continue
         count = math.ceil(piece.length / step_m)
-        turn = np.array([0.0, -piece.climb, piece.bend]) / count
-        angle = float(np.linalg.norm(turn))
-        shorter = math.sin(0.5 * angle) / (0.5 * angle) if angle else 1.0
-        half, whole = rotation_exp(0.5 * turn), rotation_exp(turn)
+        onward = Turn(*(value / count for value in _turn(piece))).end
         for _ in range(count):
-            # The chord of an arc points along the tangent in its middle.
-            T = Pose(T.R @ whole, T.p + piece.length / count * shorter * (T.R @ half)[:, 0])
+            T = T @ onward
             rows[-1].append(T)
     return rows
+
+
+def _turn(piece: SegmentSection) -> Turn:
+    return Turn(piece.length, piece.bend, piece.climb, piece.roll)
 
 
 def _range(cell: Cell) -> float:
@@ -411,7 +411,7 @@ def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: s
     per_joint = float(links.max()) * (1.0 if section.axes == "planar" else 2.0)
     pieces: list[Arcs] = []
     for i, piece in enumerate(section.tunnel):
-        turns = [Turn(piece.length, piece.bend, piece.climb)]
+        turns = [_turn(piece)]
         if piece.to is not None:
             to = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
             try:

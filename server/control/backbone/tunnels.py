@@ -1,4 +1,4 @@
-"""The part of a backbone inside tunnels: arcs and straights, and curves across the gaps between."""
+"""The part of a backbone inside tunnels: arcs, helices and straights, and curves across gaps."""
 
 import math
 from collections.abc import Sequence
@@ -7,20 +7,24 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.polynomial import legendre
 
-from ..compiled import ARRAY3, INDEX, NUMBER, TABLE, VECTOR, compiled, inner_kernel, record
+from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, TABLE, VECTOR, compiled, inner_kernel, record
 from ..scene import Index
 from ..spatial import Array, Pose, rotation_exp
 
-# --- The part of a backbone inside tunnels: circular arcs and straights, one after the other ------
+# --- The part of a backbone inside tunnels: arcs, helices and straights, one after the other ------
 #
 # Inside, the curve is where the tunnel is: its curvature is a travelling wave κ(s − s1)
 # (Chirikjian & Burdick, eqs. 7 and 15). A segment turns about an axis that is fixed in its own
-# frame, whose x axis is the tangent: `bend` about z (to the left), `climb` about −y (upward).
-# There is no chart, so that a tunnel may climb straight up, where the paper's quasi-torsion is
-# singular (T = ±π/2).
+# frame, whose x axis is the tangent: `bend` about z (to the left), `climb` about −y (upward), and
+# `roll` about x. So curvature κ = |(bend, climb)| / length and torsion τ = roll / length are
+# constant (the axis is the Darboux vector τ T + κ B): a circular helix in closed form, with
+# w = √(κ² + τ²), κ / w² its radius and 2π τ / w² its pitch. There is no chart, so that a tunnel
+# may climb straight up, where the paper's quasi-torsion is singular (T = ±π/2).
 
-ARC_ARRAYS = record(VECTOR, ARRAY3, VECTOR)
+ARC_ARRAYS = record(VECTOR, ARRAY3, MATRIX)
 """`Arcs` as kernels take it."""
+ROOT_STEPS = 60
+"""Steps of the search for a foot on a helix, at most [1]."""
 
 
 class Turn(NamedTuple):
@@ -32,35 +36,49 @@ class Turn(NamedTuple):
     """To the left, about the segment's own z [rad]."""
     climb: float = 0.0
     """Upward, about its own −y [rad]."""
+    roll: float = 0.0
+    """About its own tangent [rad]: with a bend or climb, a helix of torsion roll / length."""
+
+    @property
+    def end(self) -> Pose:
+        """Its end frame, in its first one: the exponential of a constant twist along x."""
+        turn = np.array([self.roll, -self.climb, self.bend])
+        way = np.array([1.0, 0.0, 0.0])
+        angle = float(np.linalg.norm(turn))
+        if angle > 1e-9:
+            axis = turn / angle
+            along = float(axis[0]) * axis
+            sine, sagitta = math.sin(angle) / angle, 2.0 * math.sin(0.5 * angle) ** 2 / angle
+            way = along + sine * (way - along) + sagitta * np.cross(axis, way)
+        return Pose(rotation_exp(turn), self.length * way)
 
 
 class Arcs(NamedTuple):
-    """k arcs one after the other, in World; a straight line goes on from the last."""
+    """k arcs and helices one after the other, in World; a straight line goes on from the last."""
 
     starts: Array
     """Arc length from the entrance to each, and to the end of the last (k + 1,) [m]."""
     frames: Array
-    """Of each, and of the line after the last: start, tangent there, and where it turns to
-    (k + 1, 3, 3): rows."""
-    curvature: Array
-    """(k + 1,), 0 of a straight [1/m]."""
+    """Of each, and of the line after the last: start, tangent there, where it turns to, and
+    across both (k + 1, 4, 3): rows."""
+    turning: Array
+    """Curvature, 0 of a straight, and torsion (k + 1, 2) [1/m]."""
 
     @classmethod
     def from_entrance(cls, T_world_entrance: Pose, turns: Sequence[Turn]) -> Self:
         """Lay segments one after the other from the entrance on."""
         T = T_world_entrance
-        starts, frames, curvature = [0.0], [], []
-        for length, bend, climb in turns:
-            angle = math.hypot(bend, climb)
-            inward = np.array([0.0, bend, climb]) / angle if angle else np.array([0.0, 1.0, 0.0])
-            frames.append(np.stack((T.p, T.R[:, 0], T.R @ inward)))
-            curvature.append(angle / length)
-            starts.append(starts[-1] + length)
-            way = _point(length, curvature[-1])
-            p = T.p + way[0] * T.R[:, 0] + way[1] * (T.R @ inward)
-            T = Pose(T.R @ rotation_exp(np.array([0.0, -climb, bend])), p)
-        frames.append(np.stack((T.p, T.R[:, 0], T.R[:, 1])))
-        return cls(np.array(starts), np.array(frames), np.array([*curvature, 0.0]))
+        starts, frames, turning = [0.0], list[Array](), list[tuple[float, float]]()
+        for turn in turns:
+            angle = math.hypot(turn.bend, turn.climb)
+            y, z = (turn.bend / angle, turn.climb / angle) if angle else (1.0, 0.0)
+            frames.append(np.stack((T.p, T.R[:, 0], *(T.R @ [[0, 0], [y, -z], [z, y]]).T)))
+            torsion = turn.roll / turn.length if angle else 0.0
+            turning.append((angle / turn.length, torsion))
+            starts.append(starts[-1] + turn.length)
+            T = T @ turn.end
+        frames.append(np.vstack((T.p, T.R.T)))
+        return cls(np.array(starts), np.array(frames), np.array([*turning, (0.0, 0.0)]))
 
     @classmethod
     def of_all(cls, each: "Sequence[Arcs]") -> Self:
@@ -71,14 +89,13 @@ class Arcs(NamedTuple):
         return cls(
             np.concatenate((*starts, ends[-1:])),
             np.concatenate((*(arcs.frames[:-1] for arcs in each), each[-1].frames[-1:])),
-            np.concatenate((*(arcs.curvature[:-1] for arcs in each), [0.0])),
+            np.concatenate((*(arcs.turning[:-1] for arcs in each), each[-1].turning[-1:])),
         )
 
     @property
     def end(self) -> Pose:
         """Where the last arc ends: x along the tangent, y to where a bend to the left turns."""
-        p, x, y = self.frames[-1]
-        return Pose(np.column_stack((x, y, np.cross(x, y))), p)
+        return Pose(self.frames[-1, 1:].T.copy(), self.frames[-1, 0])
 
     @property
     def length(self) -> float:
@@ -95,34 +112,86 @@ class Arcs(NamedTuple):
         return points, tangents
 
 
-def _point(length: float, curvature: float) -> tuple[float, float]:
-    """Return how far an arc goes along its first tangent, and aside [m]."""
-    if abs(curvature * length) < 1e-9:
-        return length, 0.5 * curvature * length * length
-    angle = curvature * length
-    return math.sin(angle) / curvature, (1.0 - math.cos(angle)) / curvature
+@inner_kernel
+def _place(curvature: float, torsion: float, way: float) -> tuple[float, float, float]:
+    """Return how far a helix goes along its first tangent, normal and binormal on its way [m]."""
+    w = math.sqrt(curvature * curvature + torsion * torsion)
+    if abs(w * way) <= 1e-9:
+        return way, 0.0, 0.0
+    a, b = curvature / w, torsion / w
+    sine, sagitta = math.sin(w * way) / w, (1.0 - math.cos(w * way)) / w
+    return a * a * sine + b * b * way, a * sagitta, a * b * (way - sine)
 
 
 @compiled(ARC_ARRAYS, VECTOR, TABLE, TABLE)
 def _at(arcs: tuple[Array, Array, Array], depths: Array, points: Array, tangents: Array) -> None:
     """Write points and tangents (m, 3) at arc lengths (m,) from the entrance [m]."""
-    starts, frames, curvature = arcs
-    last = len(curvature) - 1
+    starts, frames, turning = arcs
+    last = len(turning) - 1
     for m in range(len(depths)):
         k = 0
         while k < last and depths[m] >= starts[k + 1]:
             k += 1
-        way, c = depths[m] - starts[k], curvature[k]
+        way, c, torsion = depths[m] - starts[k], turning[k, 0], turning[k, 1]
         if depths[m] < 0.0:
-            c = 0.0
-        along, aside, cosine, sine = way, 0.0, 1.0, 0.0
-        if c * way > 1e-9:
-            cosine, sine = math.cos(c * way), math.sin(c * way)
-            along, aside = sine / c, (1.0 - cosine) / c
+            c = torsion = 0.0
+        along, aside, across = _place(c, torsion, way)
+        ahead, inward, up = 1.0, 0.0, 0.0
+        w = math.sqrt(c * c + torsion * torsion)
+        if w * way > 1e-9:
+            a, b, cosine = c / w, torsion / w, math.cos(w * way)
+            ahead, inward = a * a * cosine + b * b, a * math.sin(w * way)
+            up = a * b * (1.0 - cosine)
         for i in range(3):
-            t, n = frames[k, 1, i], frames[k, 2, i]
-            points[m, i] = frames[k, 0, i] + along * t + aside * n
-            tangents[m, i] = cosine * t + sine * n
+            t, n, z = frames[k, 1, i], frames[k, 2, i], frames[k, 3, i]
+            points[m, i] = frames[k, 0, i] + along * t + aside * n + across * z
+            tangents[m, i] = ahead * t + inward * n + up * z
+
+
+@inner_kernel
+def _foot_on_helix(
+    curvature: float, torsion: float, point: tuple[float, float, float], begin: float, end: float
+) -> float:
+    """Return the way [m], between two, that is nearest to a point (3,) in the helix's first frame.
+
+    With φ = w s, the point at radius ρ, angle β and height z of the helix's own axis, and radius r
+    and rise c of the helix, the distance squared grows with φ where
+    f = r ρ sin(φ − β) + c (c φ − z) is positive. It has one least where f rises through 0, in each
+    interval of φ on which f grows; all of these are looked at, and both ends.
+    """
+    w = math.sqrt(curvature * curvature + torsion * torsion)
+    r, c = curvature / (w * w), torsion / (w * w)
+    x, y = r - point[1], (curvature * point[0] - torsion * point[2]) / w
+    z = (torsion * point[0] + curvature * point[2]) / w
+    radius, beta = math.sqrt(x * x + y * y), math.atan2(y, x)
+    pull = r * radius
+    least, where = math.inf, begin
+    grows = math.pi if pull <= c * c else math.acos(-c * c / pull)
+    first = math.ceil((w * begin - beta - grows) / (2.0 * math.pi))
+    last = math.floor((w * end - beta + grows) / (2.0 * math.pi))
+    for k in range(first - 1, last + 2):
+        middle = beta + 2.0 * math.pi * k
+        low = min(max(middle - grows, w * begin), w * end)
+        high = min(max(middle + grows, w * begin), w * end)
+        phi = 0.5 * (low + high)
+        for _ in range(ROOT_STEPS):
+            f = pull * math.sin(phi - beta) + c * (c * phi - z)
+            if f > 0.0:
+                high = phi
+            else:
+                low = phi
+            slope = pull * math.cos(phi - beta) + c * c
+            newer = phi - f / slope if slope > 0.0 else low
+            if not low < newer < high:
+                newer = 0.5 * (low + high)
+            if abs(newer - phi) < 1e-14 * (1.0 + abs(phi)):
+                break
+            phi = newer
+        rise = c * phi - z
+        square = r * r + radius * radius - 2.0 * pull * math.cos(phi - beta) + rise * rise
+        if square < least:
+            least, where = square, phi / w
+    return min(max(where, begin), end)
 
 
 @inner_kernel
@@ -133,22 +202,25 @@ def _foot(
 
     All in [m]. Arc by arc: the foot on a circle is under the point, at an end where it is off it.
     """
-    starts, frames, curvature = arcs
+    starts, frames, turning = arcs
     least, where = math.inf, low
-    last = len(curvature) - 1
+    last = len(turning) - 1
     for k in range(last + 1):
         begin = -math.inf if k == 0 else starts[k]
         begin, end = max(low, begin), high if k == last else min(high, starts[k + 1])
         if begin > end:
             continue
-        x = y = square = 0.0
+        x = y = z = 0.0
         for i in range(3):
             d = point[i] - frames[k, 0, i]
             x += d * frames[k, 1, i]
             y += d * frames[k, 2, i]
-            square += d * d
-        c = curvature[k]
-        if c > 0.0:
+            z += d * frames[k, 3, i]
+        c, torsion = turning[k, 0], turning[k, 1]
+        if torsion != 0.0:
+            ends = begin - starts[k], end - starts[k]
+            way = starts[k] + _foot_on_helix(c, torsion, (x, y, z), *ends)
+        elif c > 0.0:
             angle = math.atan2(c * x, 1.0 - c * y)
             middle = 0.5 * c * (begin + end - 2.0 * starts[k])
             angle -= 2.0 * math.pi * math.floor((angle - middle) / (2.0 * math.pi) + 0.5)
@@ -156,10 +228,8 @@ def _foot(
         else:
             way = starts[k] + x
         way = min(max(way, begin), end)
-        along, aside = way - starts[k], 0.0
-        if c * along > 1e-9:
-            along, aside = math.sin(c * along) / c, (1.0 - math.cos(c * along)) / c
-        off = math.sqrt(max(0.0, square - x * x - y * y + (x - along) ** 2 + (y - aside) ** 2))
+        along, aside, across = _place(c, torsion, way - starts[k])
+        off = math.sqrt((x - along) ** 2 + (y - aside) ** 2 + (z - across) ** 2)
         if off < least:
             least, where = off, way
     return least, where

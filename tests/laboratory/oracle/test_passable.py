@@ -15,7 +15,7 @@ def judged(section):
     return passable(section, 0.05, 1.5, 1.04, 0.01, np.zeros(3))
 
 
-@pytest.mark.parametrize("name", ["snake", "snake_space"])
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_helix"])
 def test_shipped_tunnels_are_passable(name):
     assert judged(load_cell(name).config.mechanism.backbone)
 
@@ -63,7 +63,7 @@ def test_tunnels_that_cannot_be_followed_are_not(pieces):
     assert not judged(section.model_copy(update={"tunnel": tuple(pieces), **bow}))
 
 
-@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_helix", "snake_gap"])
 def test_its_centre_line_is_the_server_s_curve(name):
     cell = load_cell(name)
     backbone, tunnel = Backbone.from_cell(cell), Tunnel(cell.config.mechanism.backbone)

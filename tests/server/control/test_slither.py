@@ -63,7 +63,7 @@ class Snake:
         return self.backbone.off_centre(self.backbone.chain.points(self.q[None]), s1)
 
 
-@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_helix", "snake_gap"])
 def test_it_keeps_its_room_however_it_is_driven_and_stopped(name):
     snake, draw = Snake(name, 1.0), np.random.default_rng(7)
     for _ in range(14):

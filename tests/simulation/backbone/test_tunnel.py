@@ -37,13 +37,14 @@ def test_it_goes_through_the_maze_and_comes_out_again():
     assert run.summary["centre_error_m"] == pytest.approx(off_centre(run.truths), abs=1e-9)
 
 
-def test_in_space_it_climbs_through_its_tunnel_and_comes_back_and_stops(play):
+@pytest.mark.parametrize("name", ["snake_space", "snake_helix"])
+def test_in_space_it_goes_through_its_tunnel_and_comes_back_and_stops(play, name):
     run = play(
         {"at_s": 0.3, "cmd/drive": {"rates": [0.08]}},
         {"at_s": 5.0, "cmd/drive": {"rates": [-0.08]}},
         {"at_s": 6.5, "operator/mode": {"action": "hold"}},
         seconds=7.2,
-        cell=load_cell("snake_space"),
+        cell=load_cell(name),
     )
     assert run.result.ok
     depth = {t: run.at(t).insertion["depth"] for t in (5.0, 7.1)}

@@ -44,6 +44,11 @@ def test_a_plain_arm_has_nothing_to_judge():
             r"tunnel\[0\]: a radius of 0.02667 m is within the half width 0.03 m",
         ),
         ("tunnel = [{ length = 0.3, climb = 1.0 }]", r"tunnel\[0\].climb: a planar arm cannot"),
+        ("tunnel = [{ length = 0.3, roll = 0.1 }]", r"tunnel\[0\].roll: a planar arm cannot"),
+        (
+            "tunnel = [{ length = 0.3, bend = 1.0, roll = 3.2 }]",
+            r"tunnel\[0\].roll: value 3.2: .*less than or equal to 3.14",
+        ),
         (
             "tunnel = [{ length = 0.3 }, { length = 0.1, open = true }, { length = 0.1 }]",
             "tunnel: open pieces come last",

@@ -141,45 +141,91 @@ def test_the_paper_s_spatial_curve_is_met_by_short_segments():
     assert arcs.at(np.array([length]))[0][0] == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_helix_in_closed_form_is_met_by_short_segments():
-    kappa, tau, length, n = 4.0, 2.5, 0.8, 800
-    # In a frame that does not roll about the tangent, the normal turns by the torsion.
-    middles = (np.arange(n) + 0.5) * length / n
-    turns = [
-        Turn(length / n, kappa * length / n * np.cos(tau * s), kappa * length / n * np.sin(tau * s))
-        for s in middles
-    ]
+def helix(kappa, tau, length):
+    return Turn(length, kappa * length, 0.0, tau * length)
+
+
+@pytest.mark.parametrize("tau", [2.5, -2.5, 1e-7, 0.0])
+def test_a_segment_with_torsion_is_a_circular_helix(tau):
+    kappa, length = 4.0, 0.75
     s = np.linspace(0.0, length, 9)
-    points, tangents = Arcs.from_entrance(Pose.identity(), turns).at(s)
+    points, tangents = Arcs.from_entrance(Pose.identity(), [helix(kappa, tau, length)]).at(s)
     w = np.hypot(kappa, tau)
     r, c = kappa / w**2, tau / w**2
     # Circular helix whose first tangent is x and first normal y.
     axis = np.array([tau, 0.0, kappa]) / w
     round_ = np.array([kappa, 0.0, -tau]) / w
-    helix = (
+    expected = (
         np.outer(r * np.sin(w * s), round_)
         + np.outer(r * (1 - np.cos(w * s)), Y)
         + np.outer(c * w * s, axis)
     )
-    assert points == pytest.approx(helix, abs=2e-6)
+    assert points == pytest.approx(expected, abs=1e-14)
     assert tangents[0] == pytest.approx(X, abs=1e-14)
+
+
+def test_curvature_and_torsion_are_those_of_the_frenet_formulas():
+    # Climbs while it bends, and begins where another piece has ended.
+    first, kappa, tau, length = Turn(0.2, 0.7, -0.4, 0.9), 5.0, -3.0, 0.6
+    turn = Turn(length, kappa * length * 0.6, kappa * length * 0.8, tau * length)
+    arcs = Arcs.from_entrance(Pose.from_xyz_rpy((0.1, 0.4, -0.2), (0.3, -0.9, 1.4)), [first, turn])
+    s = 0.2 + 0.5 * length * (1.0 - np.cos(np.pi * (np.arange(24) + 0.5) / 24))
+    points, tangents = arcs.at(s)
+    x, t = (np.polynomial.Chebyshev.fit(s, of, 23) for of in (points[:, 0], tangents[:, 0]))
+    assert x.deriv()(s) == pytest.approx(t(s), abs=1e-12)
+    along = [np.polynomial.Chebyshev.fit(s, of, 23) for of in tangents.T]
+    middle = np.linspace(0.25, 0.75, 11)
+    T, dT, ddT = (np.array([f.deriv(m)(middle) for f in along]).T for m in (0, 1, 2))
+    curvature = np.linalg.norm(dT, axis=1)
+    torsion = np.sum(np.cross(T, dT) * ddT, axis=1) / curvature**2
+    assert curvature == pytest.approx(np.full(11, kappa), abs=1e-9)
+    assert torsion == pytest.approx(np.full(11, tau), abs=1e-9)
+
+
+def test_a_helix_in_pieces_is_the_whole_one():
+    whole, part = helix(4.0, 2.5, 0.75), helix(4.0, 2.5, 0.25)
+    s = np.linspace(0.0, 0.9, 31)  # and the straight line beyond
+    one, three = (Arcs.from_entrance(ENTRANCE, turns).at(s) for turns in ([whole], [part] * 3))
+    for found, expected in zip(one, three, strict=True):
+        assert found == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_roll_of_a_straight_piece_turns_what_comes_after_it():
+    arcs = Arcs.from_entrance(
+        Pose.identity(), [Turn(0.3, roll=np.pi / 2), Turn(0.2, bend=np.pi / 2)]
+    )
+    points, tangents = arcs.at(np.array([0.15, 0.3, 0.5]))
+    assert points[:2] == pytest.approx(np.outer([0.15, 0.3], X), abs=1e-15)
+    assert tangents[2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-14)
 
 
 def test_distance_to_the_centre_line_is_that_of_a_dense_search():
     rng = np.random.default_rng(3)
-    for arcs in (MAZE.arcs, SPACE.arcs):
+    wound = [helix(kappa, tau, 0.6) for kappa, tau in ((5.0, 3.0), (2.0, -5.0))]
+    for arcs in (MAZE.arcs, SPACE.arcs, Arcs.from_entrance(ENTRANCE, wound)):
         end = arcs.length
         dense = arcs.at(np.linspace(0.0, end, 200_001))[0]
         for depth in rng.uniform(0.05, end - 0.05, 20):
             point = arcs.at(np.array([depth]))[0][0] + rng.normal(0.0, 0.008, 3)
-            upto = np.array([len(arcs.curvature) - 1])
+            upto = np.array([len(arcs.turning) - 1])
             off, which = off_centre(arcs[:], point[None], np.array([depth]), 0.05, upto)
             assert which == 0
             assert off == pytest.approx(np.linalg.norm(dense - point, axis=1).min(), abs=1e-6)
 
 
+def test_a_foot_on_a_helix_is_the_nearest_of_all_of_its_turns():
+    # Seen from its axis, a flat helix is nearly as near everywhere: many feet, of which one counts.
+    arcs = Arcs.from_entrance(ENTRANCE, [helix(7.0, 0.8, 0.44)] * 4)
+    dense, upto = arcs.at(np.linspace(0.0, arcs.length, 400_001))[0], np.array([4])
+    centre = dense.mean(axis=0)
+    for aside in np.random.default_rng(5).normal(0.0, 0.08, (40, 3)):
+        point = centre + aside
+        off, _ = off_centre(arcs[:], point[None], np.array([0.88]), 0.88, upto)
+        assert off == pytest.approx(np.linalg.norm(dense - point, axis=1).min(), abs=1e-6)
+
+
 def test_points_in_the_open_are_not_held_against_the_tunnel():
-    upto = np.array([len(MAZE.arcs.curvature) - 1])
+    upto = np.array([len(MAZE.arcs.turning) - 1])
     before = ENTRANCE.p - 0.01 * Y + 0.05 * X
     assert off_centre(MAZE.arcs[:], before[None], np.array([-0.01]), 0.05, upto)[1] == -1
     beyond = MAZE.arcs.at(np.array([0.65]))[0]

@@ -101,7 +101,7 @@ def off_the_centre_line(chain, curve, s1, placed):
     links = placed[:-1, None] + share[:, None] * (placed[1:] - placed[:-1])[:, None]
     begin = np.concatenate(([0.0], chain.stations[:-1]))
     depths = begin[:, None] + share * (chain.stations - begin)[:, None] - s1
-    upto = np.array([len(curve.arcs.curvature) - 1])
+    upto = np.array([len(curve.arcs.turning) - 1])
     return off_centre(curve.arcs[:], links.reshape(-1, 3), depths.ravel(), 0.06, upto)[0]
 
 

@@ -41,7 +41,7 @@ def test_links_have_the_capsules_that_clearances_are_kept_by():
     assert [capsule["radius"] for capsule in tool] == [0.012]
 
 
-@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_gap"])
+@pytest.mark.parametrize("name", ["snake", "snake_space", "snake_helix", "snake_gap"])
 def test_tunnels_are_drawn_where_their_centre_line_is(name):
     cell = load_cell(name)
     (tunnel,) = describe(cell)["tunnels"]
