@@ -29,7 +29,6 @@ from .control.inputs import (
 )
 from .control.joints import Joints
 from .control.spatial import Array
-from .control.state import Memory
 from .control.tick import Control
 from .mode import Mode
 from .operators.admission import Admission, Grants, Instant
@@ -53,13 +52,14 @@ def warm_up(cell: Cell, control: Control) -> None:
     """Run the tick with every kind of input, so that all of its code is loaded; keep nothing."""
     dummies = [_Dummy(part, arm) for part, arm in zip(cell.parts, control.arms, strict=True)]
     for intent in Intent:
-        memories = control.seed(np.concatenate([dummy.q for dummy in dummies]))
+        memory = control.seed(np.concatenate([dummy.q for dummy in dummies]))
         for i in range(TICKS):
+            q = memory.commanded.motion.q
             inputs = [
-                dummy.inputs(memory, intent, i / TICKS)
-                for dummy, memory in zip(dummies, memories, strict=True)
+                dummy.inputs(q[part], intent, i / TICKS)
+                for dummy, part in zip(dummies, control.parts, strict=True)
             ]
-            memories, _ = control.tick(memories, inputs)
+            memory, _ = control.tick(memory, inputs)
     decode_as(t.DESCRIPTION.message, encode(describe(cell)), t.DESCRIPTION.max_bytes)
     command = JoystickTwist(seen_tick=0, twist=(0.0,) * 6)
     decode_as(t.JOYSTICK.message, encode(command), t.JOYSTICK.max_bytes)
@@ -77,10 +77,10 @@ class _Dummy:
         self._moved = commands.frames.moved if commands.frames.may_move else None
         self._stick = StickCommand(np.full(6, 0.01), np.eye(3))
 
-    def inputs(self, memory: Memory, intent: Intent, way: float) -> Inputs:
+    def inputs(self, q_command: Array, intent: Intent, way: float) -> Inputs:
         """Return the inputs of a tick; `way` from 0 to 1 goes through the kinds of goals."""
         mrf = self._settings.T_wrist_mrf
-        T = self._arm.pose_mrf(memory, mrf)
+        T = self._arm.mechanism.pose_wrist(q_command) @ mrf
         goals = (PathGoal(T, 1), Pursuit(T, 2), TwistRoute((TwistSegment(np.zeros(6), 1.0),), 3))
         return Inputs(
             0.0,
@@ -296,16 +296,17 @@ class Cycle:
         return RequestContext(now, self.mode, self.units, reading.off)
 
     def _compute_and_write(self, now_s: float, reading: PlantReading, q: Array) -> None:
-        units = self.units.each
-        memories = [unit.memory for unit in units if unit.memory is not None]
-        if len(memories) < len(units):
-            memories = list(self._control.seed(q, self.units.held))
+        units, memory = self.units.each, self.units.memory
+        if memory is None:
+            memory = self._control.seed(q, self.units.held)
+        told = memory.commanded.motion.q
         inputs = [
             unit.inputs(
-                memory, self.mode, self.tick, now_s, own, q[unit.joints], self.units.obstacles
+                told[unit.joints], self.mode, self.tick, now_s, own, q[unit.joints],
+                self.units.obstacles,
             )
-            for unit, memory, own in zip(units, memories, reading.units, strict=True)
-        ]
+            for unit, own in zip(units, reading.units, strict=True)
+        ]  # fmt: skip
         places = {unit.mechanism: i for i, unit in enumerate(units)}
         holding = [(places[j.units[0].mechanism], j) for j in self.units.joint if j.on]
         for i, joint in holding:
@@ -314,11 +315,11 @@ class Cycle:
                 self.mode, self.tick, now_s, own, q[part], self.units.obstacles
             )
         start = time.perf_counter()
-        keep = partial(self.flight.log.keep, self.tick, now_s, self.mode, memories, inputs)
+        keep = partial(self.flight.log.keep, self.tick, now_s, self.mode, memory, inputs)
         try:
-            nexts, outputs = self._control.tick(memories, inputs)
+            after, outputs = self._control.tick(memory, inputs)
         except Exception:
-            keep((), ())
+            keep(None, ())
             raise
         self.compute_s = time.perf_counter() - start
         if outputs[0].stop_worsened:
@@ -327,12 +328,12 @@ class Cycle:
         if refusal is not None and self.mode is not Mode.FAULT:
             self._quick_stop("gate", refusal, "gate_refused")
         self.plant.write(np.concatenate([output.command for output in outputs]))
-        for unit, memory, output in zip(units, nexts, outputs, strict=True):
+        for unit in units:
             self.plant.switch(unit.outputs)
-            unit.keep(self.tick, memory, output)
+        self.units.keep(self.tick, after, outputs)
         for i, joint in holding:
             joint.keep(outputs[i].shared)
-        keep(nexts, outputs)
+        keep(after, outputs)
 
     def _tell_worsened(self, gaps: tuple[Gap, ...]) -> None:
         """Tell that an obstacle came too near for any stop, and which is nearest."""

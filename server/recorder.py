@@ -362,8 +362,8 @@ class KeptTick(NamedTuple):
     """Wall clock [ns]."""
     data: bytes
     """See `ReadTick`."""
-    memories: tuple[Memory, ...] | None
-    """Memory that the tick began with, where that is kept."""
+    memory: Memory | None
+    """What the tick began with, where that is kept."""
 
 
 class ReadTick(NamedTuple):
@@ -375,7 +375,7 @@ class ReadTick(NamedTuple):
     time_s: float
     mode: str
     goes_on: bool
-    """It began with the memories that the tick before ended with."""
+    """It began with the memory that the tick before ended with."""
     inputs: tuple[Inputs, ...]
     told: tuple[Any, ...]
     """Outputs of each arm, as `told` takes them; none where the tick raised."""
@@ -430,26 +430,23 @@ class FlightLog:
         self.lost = 0
         """Ticks that could not be recorded [1]."""
         self._count = 0
-        self._nexts: Sequence[Memory] = ()
+        self._next: Memory | None = None
 
     def keep(
         self,
         tick: int,
         time_s: float,
         mode: Mode,
-        memories: Sequence[Memory],
+        memory: Memory,
         inputs: Sequence[Inputs],
-        nexts: Sequence[Memory],
+        after: Memory | None,
         outputs: Sequence[Output],
     ) -> None:
-        """Keep one tick: what it began with, looked at, ended with and decided, of each arm.
+        """Keep one tick: what it began with, looked at of each arm, ended with and decided.
 
-        A tick that raised has neither `nexts` nor `outputs`.
+        A tick that raised has neither `after` nor `outputs`.
         """
-        goes_on = len(self._nexts) == len(memories) and all(
-            a is b for a, b in zip(memories, self._nexts, strict=True)
-        )
-        self._nexts = nexts
+        goes_on, self._next = memory is self._next, after
         self._count += 1
         try:
             given = [p.pack(x) for p, x in zip(self._packers, inputs, strict=True)]
@@ -461,16 +458,11 @@ class FlightLog:
                 self._count - 1, tick, time_s, mode.value, goes_on, given, [*map(told, outputs)],
             )
         )  # fmt: skip
-        key = tuple(memories) if not goes_on or tick % KEY_EVERY == 0 else None
+        key = memory if not goes_on or tick % KEY_EVERY == 0 else None
         row = KeptTick(tick, self._wall_ns(), data, key)
         self.rows.append(row)
         for tap in self.taps:
             tap(row)
-
-
-def pack_memories(memories: Sequence[Memory]) -> bytes:
-    """Return memories as bytes."""
-    return pack(tuple(memories))
 
 
 # --- The black box: the log's last seconds as a file, at every fault and verified stop ------------
@@ -561,8 +553,8 @@ class BlackBox:
 
 def _messages(rows: Sequence[KeptTick]) -> Iterator[Stamped]:
     for row in rows:
-        if row.memories is not None:
-            yield Stamped(MEMORY, row.stamp_ns, pack_memories(row.memories))
+        if row.memory is not None:
+            yield Stamped(MEMORY, row.stamp_ns, pack(row.memory))
             time.sleep(YIELD_S)
         yield Stamped(TICK, row.stamp_ns, row.data)
 

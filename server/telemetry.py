@@ -29,7 +29,7 @@ from .operators.admission import Admission
 from .operators.link import Link, network
 from .perception.ahead import Passage
 from .plant import PlantReading
-from .recorder import KeptTick, pack_memories
+from .recorder import KeptTick, pack
 from .units.unit import Unit, described_base, described_insertion
 from .units.units import JointUnit, Units
 
@@ -223,7 +223,7 @@ class Telemetry:
         """Send what a tick looked at and decided, while somebody listens."""
         if self._link.heard(TICK):
             try:
-                memory = b"" if row.memories is None else pack_memories(row.memories)
+                memory = b"" if row.memory is None else pack(row.memory)
             except TypeError:  # a value that cannot be recorded: the arm goes on all the same
                 memory = b""
             told = RecordedTick.of_valid(

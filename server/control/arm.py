@@ -21,8 +21,8 @@ from .actuation.actuation import (
 from .actuation.torque import TorqueLaw
 from .axes import HeldAxes, holding
 from .backbone.insertion import BackboneArm
-from .barriers.barriers import Allowed, Clear
-from .barriers.clearance import BarrierInputs
+from .barriers.barriers import Allowed
+from .barriers.clearance import BarrierInputs, Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
@@ -38,11 +38,10 @@ from .mechanism.redundancy import Redundancy
 from .mechanism.resolution import resolve
 from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
-from .proximity.capsules import Capsules, Placed
-from .spatial import NO_TWIST, Array, Kinematics, Motion, Pose, sizes, wrench_to
-from .state import Memory, Output
-from .stop.limiter import Limited
-from .stop.profile import Stop
+from .proximity.capsules import Capsules
+from .spatial import NO_TWIST, Array, Kinematics, Pose, sizes, wrench_to
+from .state import ArmMemory, Output
+from .stop.limiter import Commanded, Limited
 from .task.source import Context, Granted
 from .task.sources import joint_share
 from .task.task import Quantities, Task, TaskMemory
@@ -274,28 +273,21 @@ class Arm:
         builders = (kind.builder(cell) for kind in BODIES)
         return cls(p, mechanism, next(build for build in builders if build is not None))
 
-    def seed(self, q: Array) -> Memory:
-        """Return the memory of an arm at rest at q (n,) [rad] that was told nothing yet."""
-        return Memory(
-            motion=Motion.at_rest(q),
-            stop=Stop.at_rest(q),
-            sent=(q, q, q),
+    def seed(self) -> ArmMemory:
+        """Return the memory of an arm that was told nothing yet."""
+        return ArmMemory(
             objectives=self.redundancy.objectives,
             task=self.task.idle,
             retreat=None if self.retreat is None else self.retreat.start,
         )
 
-    def seeded(self, memory: Memory, inputs: Inputs) -> Memory:
-        """Return the memory of an arm at rest where its joints are; drives that are on keep theirs.
+    def seeded(self, memory: ArmMemory) -> ArmMemory:
+        """Return the same, but for what the torque law and a grasp remember."""
+        return evolve(self.seed(), torque=memory.torque, held=memory.held)
 
-        What the torque law and a grasp remember stays.
-        """
-        q = inputs.q_measured
-        if inputs.energised is not None:
-            q = np.where(inputs.energised, memory.motion.q, q)
-        return evolve(self.seed(q), torque=memory.torque, held=memory.held)
-
-    def solve(self, memory: Memory, inputs: Inputs) -> tuple[Memory, ArmMeasurement, DesiredRates]:
+    def solve(
+        self, memory: ArmMemory, commanded: Commanded, inputs: Inputs
+    ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -303,8 +295,8 @@ class Arm:
         )
         wrist = self.measured(memory, inputs, T_world_wrist_measured)
         if inputs.intent is Intent.SEED:
-            memory = self.seeded(memory, inputs)
-        motion, mrf = memory.motion, inputs.settings.T_wrist_mrf
+            memory = self.seeded(memory)
+        motion, mrf = commanded.motion, inputs.settings.T_wrist_mrf
         base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
         memory = self.tuned(memory, inputs, k, wrist)
@@ -323,8 +315,8 @@ class Arm:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
             held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
         seen = ArmMeasurement(
-            k, T_world_wrist_measured, memory.sent[1] - inputs.q_measured, wrench, hand, placed,
-            near, base,
+            k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded, wrench,
+            hand, placed, near, base,
         )  # fmt: skip
         context = context_of(motion.dq, task.off_path, wrist, inputs, seen, self.wrist, lever)
         whole = self._whole(inputs, motion.q, k, objectives)
@@ -333,7 +325,7 @@ class Arm:
         if held is not None:
             context = context._replace(held=held)
         task, twists = self.task.twists(task, context)
-        stance = self._stance(memory, inputs, task, twists, k, placed)
+        stance = self._stance(memory, inputs, task, twists, seen)
         acting, settled = objectives, inputs.at_posture
         if settled and stance.alert and self._roused(stance, inputs):
             acting, settled = self.standing.of_outside(objectives), False
@@ -343,15 +335,14 @@ class Arm:
             lever,
             off_path=task.off_path,
             insertion=memory.insertion,
-            following=(memory.sent[1], inputs.q_measured),
             held=held,
         )
-        asked = self.resolved(motion.q, twists, request, seen, whole)
-        asked = self._coming_back(stance, inputs, motion.q, k, asked)
+        asked = self.resolved(twists, request, seen, whole)
+        asked = self._coming_back(stance, inputs, seen, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
-        retreat, asked = self._giving_way(memory, inputs, k, asked, seen.error)
-        share = self.body.wall_scale(asked.found, motion.q, seen.error, asked.dq)
+        retreat, asked = self._giving_way(memory, inputs, seen, asked)
+        share = self.body.wall_scale(asked.found, seen, asked.dq)
         if share < 1.0:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
@@ -363,7 +354,7 @@ class Arm:
         )
         return memory, seen, asked
 
-    def measured(self, memory: Memory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
+    def measured(self, memory: ArmMemory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
         """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
         wrist, settings = self.wrist, inputs.settings
         return wrist.measure(
@@ -379,7 +370,9 @@ class Arm:
 
     # --- gains -------------------------------------------------------------------------------
 
-    def tuned(self, memory: Memory, inputs: Inputs, k: Kinematics, wrist: WristMemory) -> Memory:
+    def tuned(
+        self, memory: ArmMemory, inputs: Inputs, k: Kinematics, wrist: WristMemory
+    ) -> ArmMemory:
         """Return the memory with the newest wrench, and with the gains in effect.
 
         Those of the task and of the redundancy objectives are scheduled, and ramped while moving.
@@ -409,7 +402,6 @@ class Arm:
 
     def resolved(
         self,
-        q: Array,
         twists: dict[str, Array],
         request: RateRequest,
         seen: ArmMeasurement,
@@ -417,10 +409,10 @@ class Arm:
     ) -> DesiredRates:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
-        At the commanded posture q (n,), where `request` says all but the twist. `whole` is what
-        objectives have to be taken as it is.
+        `request` says all but the twist. `whole` is what objectives have to be taken as it is.
         """
         twist, inputs, k = summed(twists), request.inputs, seen.kinematics
+        q = seen.commanded.motion.q
         left = twist if whole is IDLE else whole.left(twists)
         held = request.held
         if held is not None:
@@ -451,7 +443,7 @@ class Arm:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
         request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
-        found = self.body.rates(q, seen, request)
+        found = self.body.rates(seen, request)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
         if held is not None:
             # Self-motion moves the tool along axes that are free.
@@ -491,14 +483,14 @@ class Arm:
 
     def _stance(
         self,
-        memory: Memory,
+        memory: ArmMemory,
         inputs: Inputs,
         task: TaskMemory,
         twists: dict[str, Array],
-        k: Kinematics,
-        placed: Placed | None,
+        seen: ArmMeasurement,
     ) -> Stance:
         """Return how the arm meets what comes: as one that is told to move, or one that stands."""
+        q, T_world_mrf = seen.commanded.motion.q, seen.kinematics.T_world_mrf
         moving, pushed = inputs.intent is Intent.MOVE, inputs.pushed
         if moving and self._told(task, twists, inputs):
             return COMMANDED
@@ -509,9 +501,9 @@ class Arm:
         if felt or inputs.moved is not None or not standing.may_leave(moving, held):
             return STANDS
         led = inputs.goal is not None
-        if station is not None and standing.is_home(station, memory.motion.q, k.T_world_mrf.p, led):
+        if station is not None and standing.is_home(station, q, T_world_mrf.p, led):
             station = None
-        return standing.stance(station, memory.motion.q, placed)
+        return standing.stance(station, q, seen.placed)
 
     def _told(self, task: TaskMemory, twists: dict[str, Array], inputs: Inputs) -> bool:
         """Return whether the arm is told to move; staying where a goal has led it is not."""
@@ -527,7 +519,7 @@ class Arm:
         return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
 
     def _coming_back(
-        self, stance: Stance, inputs: Inputs, q: Array, k: Kinematics, asked: DesiredRates
+        self, stance: Stance, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
     ) -> DesiredRates:
         """Add the way back of an arm that is off its station, where no goal leads it there.
 
@@ -538,8 +530,8 @@ class Arm:
             return asked
         dq, limits = asked.dq, (*asked.limits, "off_station")
         if asked.twists["position"] is NO_TWIST and max(sizes(asked.twists["force"])) < TOUCHING:
-            standing, factor = self.standing, inputs.settings.speed_factor
-            back = standing.back(station, q, k.J, factor)
+            standing, factor, k = self.standing, inputs.settings.speed_factor, seen.kinematics
+            back = standing.back(station, seen.commanded.motion.q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
                 found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
@@ -548,18 +540,19 @@ class Arm:
         return asked._replace(dq=dq, limits=limits)
 
     def _giving_way(
-        self, memory: Memory, inputs: Inputs, k: Kinematics, asked: DesiredRates, error: Array
+        self, memory: ArmMemory, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
     ) -> tuple[RetreatState | None, DesiredRates]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.retreat is None or memory.retreat is None:
             return memory.retreat, asked
-        q, now_s, held = memory.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
-        step = self.retreat.step
+        q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
+        error, step = seen.error, self.retreat.step
         relieving = asked.by_joint and bool(asked.twists["force"].any())
         held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
         state, dq = step(
-            memory.retreat, q, asked.dq, k.J, inputs.pushed, now_s, held, relieving, held_up
-        )
+            memory.retreat, q, asked.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
+            held_up,
+        )  # fmt: skip
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def motion_commanded(self, twists: dict[str, Array], inputs: Inputs) -> bool:
@@ -585,7 +578,7 @@ class Arm:
 
     def before_barriers(
         self,
-        memory: Memory,
+        memory: ArmMemory,
         inputs: Inputs,
         seen: ArmMeasurement,
         asked: DesiredRates,
@@ -598,8 +591,6 @@ class Arm:
         return BarrierInputs(
             desired=asked,
             seen=seen,
-            motion=memory.motion,
-            way=memory.sent[1] - memory.sent[2],
             resistance=memory.resistance,
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
@@ -610,18 +601,21 @@ class Arm:
 
     def finish(
         self,
-        memory: Memory,
+        memory: ArmMemory,
         inputs: Inputs,
         seen: ArmMeasurement,
         asked: DesiredRates,
         allowed: Allowed,
-        clear: Clear,
+        shown: Shown | None,
         limited: Limited,
-    ) -> tuple[Memory, Output]:
-        """Return the next memory and what to send, once it is decided how the joints move."""
-        actuated = self.actuate(
-            memory.torque, Now(inputs, seen, memory.motion, limited.motion, memory.wrist.load)
-        )
+        part: slice,
+    ) -> tuple[ArmMemory, Output]:
+        """Return the next memory and what to send, once it is decided how the joints move.
+
+        The arm's are a `part` of those that are `limited`.
+        """
+        motion = limited.motion.of(part)
+        actuated = self.actuate(memory.torque, Now(inputs, seen, motion, memory.wrist.load))
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
         stance = asked.stance
         station = stance.station
@@ -629,26 +623,21 @@ class Arm:
             inputs.at_posture and max(asked.found.self_motion.norms.values(), default=0.0) > MOVED
         )
         if station is None and stance.alert and (allowed.made_way or leaves):
-            station = self.standing.begun(memory.stop, seen.kinematics.T_world_mrf)
-        accelerated = sizes(seen.kinematics.J.dot(limited.motion.ddq))[0]
+            station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
+        accelerated = sizes(seen.kinematics.J.dot(motion.ddq))[0]
         memory = evolve(
             memory,
-            levels=clear.levels,
             torque=actuated.state,
             station=station,
             resistance=allowed.resistance,
-            motion=limited.motion,
-            stop=limited.stop,
             max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
-            sent=(limited.motion.q, memory.sent[0], memory.sent[1]),
             task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
         )
         return memory, Output(
-            q=limited.motion.q,
-            dq=limited.motion.dq,
+            motion=motion,
             command=actuated.command,
             refusal=actuated.refusal,
-            at_rest=limited.motion.stands(STANDING),
+            at_rest=motion.stands(STANDING),
             seen=seen,
             desired=asked,
             task=memory.task,
@@ -661,8 +650,8 @@ class Arm:
             + (("verified_stop",) if limited.stopped else ())
             + actuated.limits,
             stop_worsened=limited.worsened,
-            shown=clear.shown,
-            at_goal=self._at_goal(memory, inputs),
+            shown=shown,
+            at_goal=self._at_goal(memory, inputs, motion.q),
             bleeding=memory.task.force.bleeding,
             T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
         )
@@ -684,27 +673,23 @@ class Arm:
         off_path = advance_offset(memory.off_path, asked.found.give_way, share * self.p.period_s)
         return self.task.advanced(memory, granted, off_path)
 
-    def _at_goal(self, memory: Memory, inputs: Inputs) -> bool:
+    def _at_goal(self, memory: ArmMemory, inputs: Inputs, q: Array) -> bool:
         if inputs.intent is not Intent.MOVE:
             return False
         if inputs.posture is not None:
-            return at_posture(memory.motion.q, inputs.posture)
+            return at_posture(q, inputs.posture)
         if (arrived := self.body.arrived(memory.insertion, inputs.drive)) is not None:
             return arrived
         return memory.task.position.at_goal and on_path(memory.task.off_path)
 
     # --- what others ask of an arm ----------------------------------------------------------
 
-    def pose_mrf(self, memory: Memory, T_wrist_mrf: Pose, T_world_base: Pose | None = None) -> Pose:
-        """Return where the command has the MRF, in World."""
-        return self.mechanism.pose_wrist(memory.motion.q, T_world_base) @ T_wrist_mrf
-
     def weight(self, T_world_mrf: Pose, settings: Settings) -> Array:
         """Return the sensor reading (6,) of the payload's weight with the MRF at a pose."""
         mrf, payload, bias = settings.T_wrist_mrf, settings.payload, settings.wrench_bias
         return self.wrist.weight(T_world_mrf, mrf, payload, bias)
 
-    def locked_joints(self, memory: Memory) -> dict[str, float]:
+    def locked_joints(self, memory: ArmMemory) -> dict[str, float]:
         """Return the angles of joints that stand and do not follow, by name [rad].
 
         Looked for where an arm goes through a tunnel, and cannot leave its curve.

@@ -325,11 +325,6 @@ class Motion(NamedTuple):
         """Return rest at q (n,)."""
         return Motion(q.copy(), np.zeros_like(q), np.zeros_like(q))
 
-    @staticmethod
-    def of_all(each: "Sequence[Motion]") -> "Motion":
-        """Return several as one, their freedoms one after the other."""
-        return each[0] if len(each) == 1 else Motion(*map(np.concatenate, zip(*each, strict=True)))
-
     def of(self, part: slice | NDArray[np.int64]) -> "Motion":
         """Return that of some freedoms."""
         return Motion(self.q[part], self.dq[part], self.ddq[part])

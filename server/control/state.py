@@ -13,20 +13,14 @@ from .inputs import ObjectiveGains
 from .mechanism.redundancy import Near
 from .mechanism.wrench import WristMemory
 from .spatial import Array, Motion, Pose
-from .stop.profile import Stop
+from .stop.limiter import Commanded
 from .task.task import TaskMemory
 
 
 @dataclass(frozen=True)
-class Memory:
-    """Memory that one tick hands to the next."""
+class ArmMemory:
+    """What one arm remembers of the ticks before."""
 
-    motion: Motion
-    """Commanded joints: what the drives were last told to reach."""
-    stop: Stop
-    """The verified way to rest from `motion`."""
-    sent: tuple[Array, Array, Array]
-    """The last three commanded postures, newest first."""
     objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     task: TaskMemory
@@ -37,8 +31,6 @@ class Memory:
     """Greatest acceleration that the tool was lately told [m/s²]."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
-    levels: Levels = field(default_factory=dict)
-    """Best gap so far of pairs of links and obstacles that are below their bounds."""
     near: Near | None = None
     """Obstacles near the virtual spheres; None in a cell without any."""
     torque: TorqueState | None = None
@@ -56,12 +48,20 @@ class Memory:
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
 
 
+class Memory(NamedTuple):
+    """Memory that one tick hands to the next: of all joints of a cell, and of each arm."""
+
+    commanded: Commanded
+    arms: tuple[ArmMemory, ...]
+    levels: Levels
+    """Best gap so far of pairs of links and obstacles that are below their bounds."""
+
+
 class Output(NamedTuple):
     """Decisions of one tick, and their reasons."""
 
-    q: Array
-    """Joint command (n,) [rad]."""
-    dq: Array
+    motion: Motion
+    """Command of the joints (n,)."""
     command: Array
     """Setpoints of the drives (n,): rad, rad/s or N·m."""
     refusal: str | None
@@ -95,6 +95,16 @@ class Output(NamedTuple):
     """The payload that it holds with others; None for an arm with a task alone."""
     shared: "Output | None" = None
     """The same of a joint task, at its shared MRF; told by its first arm only."""
+
+    @property
+    def q(self) -> Array:
+        """Joint command (n,) [rad]."""
+        return self.motion.q
+
+    @property
+    def dq(self) -> Array:
+        """Commanded joint rates (n,) [rad/s]."""
+        return self.motion.dq
 
     @property
     def T_world_mrf(self) -> Pose:

@@ -26,9 +26,9 @@ from .bodies.rates import ArmMeasurement, DesiredRates
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined
-from .spatial import Array, Motion
-from .state import Memory, Output
-from .stop.limiter import Gate, Limited, Limiter, StopConstraint
+from .spatial import Array
+from .state import ArmMemory, Memory, Output
+from .stop.limiter import Commanded, Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
 
 
@@ -57,8 +57,6 @@ class Control:
         """Payloads that several arms may hold together; None in a cell without joint tasks."""
         if cell is not None and cell.joint_tasks:
             self.joint = JointTasks(cell, self.arms, self._limiter_of)
-        # Scratch: how all joints were told to go in the last tick, and those of each arm.
-        self._limited: tuple[Limited, tuple[Limited, ...]] | None = None
         self.gate = Gate(joints, T)
         if guard is not None and len(self.arms) == 1 and guard.capsules is p.capsules:
             self.arms[0].shared = guard.capsules
@@ -74,69 +72,82 @@ class Control:
             guard = CollisionConstraint(cell, joints.acceleration, joints.jerk, capsules)
         return cls(arms, guard, cell)
 
-    def seed(self, q: Array, on: Collection[str] | None = None) -> tuple[Memory, ...]:
-        """Return the memories of arms at rest at q (n,) [rad] that were told nothing yet.
+    def seed(self, q: Array, on: Collection[str] | None = None) -> Memory:
+        """Return the memory of arms at rest at q (n,) [rad] that were told nothing yet.
 
         Arms hold the payloads of the joint tasks `on`; of those that are at start, if None.
         """
-        each = [q[part] for part in self.parts]
-        found = tuple(arm.seed(own) for arm, own in zip(self.arms, each, strict=True))
-        return found if self.joint is None else self.joint.seeded(found, each, on)
+        found = Memory(Commanded.at_rest(q), tuple(arm.seed() for arm in self.arms), {})
+        return found if self.joint is None else self.joint.seeded(found, on)
 
     @property
     def parts(self) -> tuple[slice, ...]:
         """Where each arm's joints are among all."""
         return self.allow.parts
 
-    def tick(
-        self, memories: Sequence[Memory], inputs: Sequence[Inputs]
-    ) -> tuple[tuple[Memory, ...], tuple[Output, ...]]:
-        """Return the next memories and what to send: one period of control.
+    def tick(self, memory: Memory, inputs: Sequence[Inputs]) -> tuple[Memory, tuple[Output, ...]]:
+        """Return the next memory and what to send, of each arm: one period of control.
 
         Time, intent, scene and the factor of reduced speed are the same for all arms. A refusal of
         the gate concerns all.
         """
-        beside = self.allow.guard is not None
-        on = [] if self.joint is None else self.joint.on(memories, inputs)
+        first, beside = inputs[0], self.allow.guard is not None
+        if first.intent is Intent.SEED:
+            memory = memory._replace(commanded=self._seeded(memory.commanded, inputs), levels={})
+        commanded = memory.commanded
+        each = self._each(commanded)
+        on = [] if self.joint is None else self.joint.on(memory.arms, each, inputs)
         told, members = inputs, members_of(on)
         if on:
             inputs = [members[i].inputs if i in members else x for i, x in enumerate(inputs)]
         asked, before, barred = [], [], []
-        for i, (arm, last, given) in enumerate(zip(self.arms, memories, inputs, strict=True)):
+        for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
             if i in members:
-                memory, _, seen, wanted, *_ = members[i]
+                kept, _, seen, wanted, *_ = members[i]
             else:
-                memory, seen, wanted = arm.solve(last, given)
+                kept, seen, wanted = arm.solve(last, each[i], given)
             asked.append((seen, wanted))
-            before.append(memory)
-            barred.append(arm.before_barriers(memory, given, seen, wanted, beside))
+            before.append(kept)
+            barred.append(arm.before_barriers(kept, given, seen, wanted, beside))
         first = inputs[0]
         around = Surroundings(
-            before[0].levels,
+            commanded.motion,
+            memory.levels,
             first,
             # Only the Base of an only arm moves.
             first.moved.base if first.moved is not None and len(self.arms) == 1 else None,
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(barred, around, [each.link for each in on])
-        limited = self._limit(before, first, allowed, clear, on, self._of_bodies(before, asked))
-        refusal = self.gate.refusal(limited.motion.q, self._sent(before))
-        limits = (limited,) if len(self.arms) == 1 else tuple(map(limited.of, self.parts))
-        self._limited = limited, limits
+        bodies = self._of_bodies(before, asked)
+        limited = self._limit(commanded, first, allowed, clear, on, bodies)
+        refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
-        for i, arm in enumerate(self.arms):
-            memory, output = arm.finish(
-                before[i], inputs[i], *asked[i], allowed[i], clear, limits[i]
+        for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
+            kept, output = arm.finish(
+                before[i], inputs[i], *asked[i], allowed[i], clear.shown, limited, part
             )
-            nexts.append(memory)
+            nexts.append(kept)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
             finish(on, told, [a.pace for a in allowed], nexts, outputs)
-        return tuple(nexts), tuple(outputs)
+        return Memory(commanded.followed_by(limited), tuple(nexts), clear.levels), tuple(outputs)
+
+    def _seeded(self, commanded: Commanded, inputs: Sequence[Inputs]) -> Commanded:
+        """Return joints at rest where they are measured; those whose drives are on keep theirs."""
+        at = [given.q_measured for given in inputs]
+        for i, (part, given) in enumerate(zip(self.parts, inputs, strict=True)):
+            if given.energised is not None:
+                at[i] = np.where(given.energised, commanded.motion.q[part], at[i])
+        return Commanded.at_rest(joined(at))
+
+    def _each(self, commanded: Commanded) -> list[Commanded]:
+        """Return what the joints of each arm were told."""
+        return [commanded] if len(self.arms) == 1 else [commanded.of(part) for part in self.parts]
 
     def _limit(
         self,
-        memories: Sequence[Memory],
+        commanded: Commanded,
         inputs: Inputs,
         allowed: Sequence[Allowed],
         clear: Clear,
@@ -147,7 +158,7 @@ class Control:
 
         `bodies` judge stops by what they keep of their own.
         """
-        motion, stop = self._whole(memories)
+        motion, stop, _ = commanded
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
         if inputs.intent is Intent.STOP or any(each.stops for each in on):
             return limiter.go_on(stop)
@@ -163,14 +174,14 @@ class Control:
         return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
 
     def _of_bodies(
-        self, memories: Sequence[Memory], asked: Sequence[tuple[ArmMeasurement, DesiredRates]]
+        self, memories: Sequence[ArmMemory], asked: Sequence[tuple[ArmMeasurement, DesiredRates]]
     ) -> list[StopConstraint]:
         """Return what judges stops of all joints by what their bodies keep."""
         found = []
         for arm, part, memory, (seen, _) in zip(
             self.arms, self.parts, memories, asked, strict=True
         ):
-            judge = arm.body.stop_constraint(memory.insertion, memory.motion.q, seen.error)
+            judge = arm.body.stop_constraint(memory.insertion, seen)
             if judge is not None:
                 found.append(judge if len(self.arms) == 1 else partial(_of_part, judge, part))
         return found
@@ -195,27 +206,6 @@ class Control:
             ],
             self.parts,
         )
-
-    def _whole(self, memories: Sequence[Memory]) -> tuple[Motion, Stop]:
-        """Return motion and stop of all joints: those of the last tick, if it was told of them."""
-        if len(memories) == 1:
-            return memories[0].motion, memories[0].stop
-        if self._limited is not None:
-            limited, each = self._limited
-            if all(
-                m.motion is e.motion and m.stop is e.stop
-                for m, e in zip(memories, each, strict=True)
-            ):
-                return limited.motion, limited.stop
-        motion = Motion.of_all([memory.motion for memory in memories])
-        return motion, Stop.of_all([memory.stop for memory in memories])
-
-    def _sent(self, memories: Sequence[Memory]) -> tuple[Array, Array, Array]:
-        """Return the last three commanded postures (n,), newest first."""
-        if len(memories) == 1:
-            return memories[0].sent
-        a, b, c = map(np.concatenate, zip(*(memory.sent for memory in memories), strict=True))
-        return a, b, c
 
 
 def _of_part(judge: StopConstraint, part: slice, stop: Stop) -> float:

@@ -11,8 +11,7 @@ from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection
 from ...protocols.messages.perception import NOTHING, ContourNews
 from ..control.scene import Body
-from ..control.spatial import Array, Pose, rotation_exp, sizes
-from ..control.state import Memory
+from ..control.spatial import Array, Motion, Pose, rotation_exp, sizes
 from ..control.wheels import DifferentialDrive, Odometry
 from ..events import Events
 from ..refusals import Refused, Why
@@ -362,9 +361,9 @@ class BaseTracker:
             up = Pose.from_xyz_rpy(imu.T_on_imu.xyz, imu.T_on_imu.rpy).R[2]
         return cls(c.mechanism.base, rolling, T, c.timing.period_s, events, up)
 
-    def step(self, tick: int, memory: Memory | None, q: Array) -> Body:
+    def step(self, tick: int, told: Motion | None, q: Array) -> Body:
         """Return the base for the command of `tick`; joints are measured at q (n,) [rad]."""
-        wheels, commanded = q[:2], None if memory is None else memory.motion.q[:2]
+        wheels, commanded = q[:2], None if told is None else told.q[:2]
         if commanded is None or not self._begun:
             self.odometry = self.odometry.forget(wheels, wheels)
             self._begun = True

@@ -15,7 +15,7 @@ from ..control.mechanism.model import Mechanism, dynamics_of
 from ..control.parameters import Parameters
 from ..control.scene import Moved
 from ..control.spatial import GRAVITY, Array, sizes
-from ..control.state import Memory, Output
+from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
@@ -73,7 +73,7 @@ class ReleaseNews:
             bound_nm=found.bound,
         )
 
-    def gives_way(self, pushed: Pushed, memory: Memory, tool_only: bool) -> None:
+    def gives_way(self, pushed: Pushed, memory: ArmMemory, tool_only: bool) -> None:
         """Tell how far an arm in HOLD has given way, and whether something still pushes it."""
         state = memory.retreat
         if state is None:
@@ -163,7 +163,7 @@ class ContactRelease:
         tool: ToolContact | None,
         pushed: Pushed | None,
         mode: Mode,
-        memory: Memory | None,
+        memory: ArmMemory | None,
         output: Output | None,
     ) -> None:
         """Take in whether contact was `found` in this tick, and the estimate behind it.
@@ -171,10 +171,10 @@ class ContactRelease:
         `tool` is contact of the tool while its load is not explained. `memory` and `output` are the
         tick's before.
         """
-        if not mode.energised or memory is None:
+        if not mode.energised or memory is None or output is None:
             self.reset()
             return
-        self._rested_s = self._rested_s + self._T if memory.motion.stands() else 0.0
+        self._rested_s = self._rested_s + self._T if output.motion.stands() else 0.0
         self._latch(found, tool, mode)
         self._last(pushed, mode)
         if pushed is None:
@@ -330,7 +330,7 @@ class CollisionMonitor:
     def update(
         self,
         reading: UnitReading,
-        memory: Memory | None,
+        memory: ArmMemory | None,
         output: Output | None,
         moved: Moved,
         mode: Mode,
@@ -433,7 +433,7 @@ class WallMonitor:
         """How far beyond it was when that was told last; 0: it is not beyond any [m]."""
         self._locked: frozenset[str] = frozenset()
 
-    def update(self, memory: Memory | None, q: Array | None) -> None:
+    def update(self, memory: ArmMemory | None, q: Array | None) -> None:
         """Look at the measured joints q (n,) [rad], now and then."""
         self._ticks += 1
         if self._ticks % self._every or memory is None or q is None:

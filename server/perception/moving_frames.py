@@ -18,8 +18,7 @@ from ...config.schema.section import PoseSection
 from ...config.schema.surroundings import FramesSection, MovingFrameSection
 from ...protocols.messages.perception import FrameNews
 from ..control.scene import Body, Moved
-from ..control.spatial import Array, Pose, rotate_twist, rotation_exp
-from ..control.state import Memory
+from ..control.spatial import Array, Motion, Pose, rotate_twist, rotation_exp
 from ..events import Events
 from ..refusals import Refused, Why
 from .ahead import BaseTracker
@@ -158,11 +157,11 @@ class FrameTracker:
             self.base.take_pose(believed.tick, believed.T)
 
     def step(
-        self, tick: int, *, moving: bool, memory: Memory | None = None, q: Array | None = None
+        self, tick: int, *, moving: bool, commanded: Motion | None = None, q: Array | None = None
     ) -> Moved:
         """Return where the frames are for the command of `tick`; `moving`: sources lead the arm.
 
-        A Base that rolls is where its wheels say: by the last tick's `memory`, and joints that are
+        A Base that rolls is where its wheels say: by what they were told last, and joints that are
         measured at q (n,) [rad].
         """
         for name, w in self._tracked.items():
@@ -181,7 +180,7 @@ class FrameTracker:
         if self._tracked:
             self.moved = self._moved()
         if self.base is not None and q is not None:
-            rolled = self.base.step(tick, memory, q)
+            rolled = self.base.step(tick, commanded, q)
             measured = self.base.odometry.measured
             self.moved = Moved(rolled, self.body("carrier"), measured)
         return self.moved

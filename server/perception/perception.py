@@ -8,7 +8,7 @@ from ..commands.commands import Commands
 from ..control.arm import Arm
 from ..control.inputs import Payload
 from ..control.spatial import Pose
-from ..control.state import Memory, Output
+from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
@@ -56,7 +56,7 @@ class Perception:
     def update(
         self,
         reading: UnitReading,
-        memory: Memory | None,
+        memory: ArmMemory | None,
         output: Output | None,
         mode: Mode,
         now_s: float,

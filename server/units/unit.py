@@ -14,8 +14,8 @@ from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
 from ..control.inputs import NOTHING, STILL, Fold, Inputs, Intent, JointFeedforward
 from ..control.scene import Moved
-from ..control.spatial import Array, Pose
-from ..control.state import Memory, Output
+from ..control.spatial import Array, Motion, Pose
+from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage
@@ -222,12 +222,17 @@ class Unit:
         self.perception = Perception(cell, arm, self.commands, self.events)
         self.jam = JamMonitor(cell.config.timing.period_s, self.events)
         """Whether contact holds up what is asked of the tool."""
-        self.memory: Memory | None = None
+        self.memory: ArmMemory | None = None
         """None before the arm's joints were heard, and after its devices were configured anew."""
         self.q: Array | None = None
         """Where the joints (n,) were measured last [rad]."""
         self.output: Output | None = None
         """Output of the last tick; None before the first."""
+
+    @property
+    def commanded(self) -> Motion | None:
+        """What the joints were last told; None before they were heard, and once that is void."""
+        return None if self.memory is None or self.output is None else self.output.motion
 
     @property
     def vision(self) -> VisionTracker:
@@ -274,12 +279,12 @@ class Unit:
         """Bring the frames that may move up to this tick."""
         moving = mode in (Mode.ENABLED, Mode.STOPPING)
         self.commands.frames.moved = self.perception.moving_frames.step(
-            tick, moving=moving, memory=self.memory, q=self.q
+            tick, moving=moving, commanded=self.commanded, q=self.q
         )
 
     def inputs(
         self,
-        memory: Memory,
+        q_command: Array,
         mode: Mode,
         tick: int,
         now_s: float,
@@ -287,20 +292,18 @@ class Unit:
         q: Array,
         obstacles: ObstacleMap,
     ) -> Inputs:
-        """Return what this tick may look at; `q` (n,) are the measured joints [rad]."""
+        """Return what this tick may look at; joints (n,) as commanded and as measured [rad]."""
         commands, perception = self.commands, self.perception
         moved = commands.frames.moved
-        T_world_mrf = self.arm.pose_mrf(
-            memory,
-            commands.frames.T_wrist_mrf,
-            moved.base.T if perception.moving_frames.watching else None,
-        )
+        base = moved.base.T if perception.moving_frames.watching else None
+        T_world_wrist = self.arm.mechanism.pose_wrist(q_command, base)
+        T_world_mrf = T_world_wrist @ commands.frames.T_wrist_mrf
         asked = commands.in_force(now_s, T_world_mrf)
         if asked.posture is not None:
-            posture = self.arm.body.posture(asked.posture, memory.motion.q)
+            posture = self.arm.body.posture(asked.posture, q_command)
             asked = evolve(asked, posture=posture)
         if self.ahead is not None and mode is Mode.ENABLED:
-            q_command, limits = memory.motion.q, () if self.output is None else self.output.limits
+            limits = () if self.output is None else self.output.limits
             asked = self.ahead.applied(
                 asked,
                 perception.passage,
@@ -314,12 +317,12 @@ class Unit:
     @property
     def blind(self) -> bool:
         """True while the base goes ahead, and nobody looks there."""
-        passage = self.perception.passage
-        if passage is None or self.memory is None:
+        passage, commanded = self.perception.passage, self.commanded
+        if passage is None or commanded is None:
             return False
-        return passage.blind(self.arm.body.ahead(self.memory.motion.dq))
+        return passage.blind(self.arm.body.ahead(commanded.dq))
 
-    def keep(self, tick: int, memory: Memory, output: Output) -> None:
+    def keep(self, tick: int, memory: ArmMemory, output: Output) -> None:
         """Take in what a tick decided."""
         self._tell_station(memory, output)
         self.memory, self.output = memory, output
@@ -334,7 +337,7 @@ class Unit:
         elif goals.at_rest and np.abs(output.desired.twists["following"]).max() > LED:
             goals.led_by_hand()
 
-    def _tell_station(self, memory: Memory, output: Output) -> None:
+    def _tell_station(self, memory: ArmMemory, output: Output) -> None:
         """Tell when an arm that stands makes way for something that comes, and is back."""
         before = None if self.memory is None else self.memory.station
         if before is None and memory.station is not None:

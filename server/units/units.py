@@ -27,7 +27,7 @@ from ..control.inputs import Inputs, Intent, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
 from ..control.spatial import GRAVITY, Array, Pose
-from ..control.state import Output
+from ..control.state import Memory, Output
 from ..control.stop.profile import ramps_in_proportion
 from ..control.tick import Control
 from ..events import Events
@@ -78,11 +78,11 @@ def curve_ramps(unit: Unit) -> dict[int, float]:
     Its slow joints matter as much as its fast ones, so that what they may differ by is taken from
     how they accelerate now.
     """
-    backbone = unit.cell.config.mechanism.backbone
-    if backbone is None or backbone.quick_stop == "each" or unit.memory is None:
+    backbone, commanded = unit.cell.config.mechanism.backbone, unit.commanded
+    if backbone is None or backbone.quick_stop == "each" or commanded is None:
         return {}
     lag_s = REFERENCE_LAG * unit.arm.p.period_s
-    spread = np.maximum(lag_s * np.abs(unit.memory.motion.ddq), LEAST_SPREAD)
+    spread = np.maximum(lag_s * np.abs(commanded.ddq), LEAST_SPREAD)
     return ramps_together((unit,), spread)
 
 
@@ -327,6 +327,9 @@ class Units:
         """
         self.each, self.joint = tuple(units), tuple(joint)
         self._tasks = tasks
+        self.memory: Memory | None = None
+        """What the next tick begins with; None before the joints were heard, and once it is void.
+        """
         self.settings, self.obstacles = settings, obstacles
 
     @classmethod
@@ -398,16 +401,15 @@ class Units:
     def hold_together(self, name: str | None, on: bool) -> None:
         """Let the arms of a joint task hold its payload, or let go of it. Raises `Refused`."""
         joint = of_task(self.joint, name)
-        memories = [unit.memory for unit in self.each if unit.memory is not None]
         q = [unit.q for unit in self.each if unit.q is not None]
-        if self._tasks is None or not len(memories) == len(q) == len(self.each):
+        if self._tasks is None or self.memory is None or len(q) < len(self.each):
             raise Refused(Why.NOT_NOW, "where the arms are was not heard yet")
         try:
-            found = self._tasks.switched(joint.task, on, memories, q)
+            self.memory = self._tasks.switched(joint.task, on, self.memory, q)
         except HoldRefused as refused:
             raise Refused(Why.NOT_NOW, str(refused)) from None
-        for unit, memory in zip(self.each, found, strict=True):
-            unit.memory = memory
+        for unit, own in zip(self.each, self.memory.arms, strict=True):
+            unit.memory = own
         told: list[Unit | JointUnit] = [joint, *joint.units]
         for unit_or_task in told:
             unit_or_task.commands.clear()
@@ -453,8 +455,15 @@ class Units:
 
     def forget(self) -> None:
         """Void what was computed: the next tick begins where the joints are."""
+        self.memory = None
         for unit in self.each:
             unit.memory = None
+
+    def keep(self, tick: int, memory: Memory, outputs: Sequence[Output]) -> None:
+        """Take in what a tick decided."""
+        self.memory = memory
+        for unit, own, output in zip(self.each, memory.arms, outputs, strict=True):
+            unit.keep(tick, own, output)
 
     @property
     def at_rest(self) -> bool:

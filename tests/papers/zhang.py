@@ -16,6 +16,7 @@ from telerobot.server.control.inputs import Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.scene import Flags
 from telerobot.server.control.spatial import Array, Pose, pose_error, rotation_rpy, sizes
+from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.control.wheels import DifferentialDrive, Rolled
 from telerobot.server.perception.scanning.contour import crossed
 from telerobot.server.perception.scanning.reflex import CriticalPoints
@@ -76,8 +77,9 @@ def errors(arm: Arm, ahead_m: float, sign: float = 1.0) -> Array:
         if i == STEPS:
             break
         request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), sign * K * e)
-        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), T_world_base=base)
-        q = q + STEP_S * arm.body.rates(q, seen, request).dq
+        told = Commanded.at_rest(q)
+        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
+        q = q + STEP_S * arm.body.rates(seen, request).dq
         base = ROLLING.roll(base, q[:2])
     return np.array(found)
 

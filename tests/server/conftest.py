@@ -50,7 +50,7 @@ class Run:
 
     def __post_init__(self) -> None:
         self.settings = self.arm.settings
-        (self.memory,) = self.arm.control.seed(self.q)
+        self.memory = self.arm.control.seed(self.q)
         self.sent = [self.q] * 3
 
     def tick(self, **inputs: object) -> Output:
@@ -58,12 +58,11 @@ class Run:
         given = {
             "time_s": len(self.outputs) * self.arm.p.period_s,
             "intent": Intent.MOVE,
-            "q_measured": self.memory.sent[1],
+            "q_measured": self.memory.commanded.sent[1],
             "settings": self.settings,
         }
-        (self.memory,), (output,) = self.arm.control.tick(
-            (self.memory,), (Inputs(**{**given, **inputs}),)
-        )
+        inputs = (Inputs(**{**given, **inputs}),)
+        self.memory, (output,) = self.arm.control.tick(self.memory, inputs)
         self.outputs.append(output)
         self.sent.append(output.q)
         return output
@@ -80,7 +79,8 @@ class Run:
     @property
     def pose(self) -> Pose:
         """Where the command has the MRF."""
-        return self.arm.control.arms[0].pose_mrf(self.memory, self.settings.T_wrist_mrf)
+        q = self.memory.commanded.motion.q
+        return self.arm.mechanism.pose_wrist(q) @ self.settings.T_wrist_mrf
 
     def observe(self) -> None:
         """Judge the whole run from the postures sent alone, as an observer on the bus would."""

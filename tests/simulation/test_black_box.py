@@ -59,11 +59,11 @@ def test_a_black_box_replays_to_the_last_bit_and_goes_beyond_the_fault(flight):
 def test_the_tick_that_raised_is_the_last_one_in_the_box(pa10, tmp_path, monkeypatch):
     whole, ticks = Control.tick, []
 
-    def tick(self, memories, inputs):
+    def tick(self, memory, inputs):
         ticks.append(inputs)
         if len(ticks) == 60:
             raise ArithmeticError("for this test")
-        return whole(self, memories, inputs)
+        return whole(self, memory, inputs)
 
     monkeypatch.setattr(Control, "tick", tick)
     simulation = flown(pa10, tmp_path, [], 1.0)

@@ -3,8 +3,6 @@
 Judged by the physics' own time and truth.
 """
 
-import dataclasses
-
 import numpy as np
 import pytest
 from telerobot.config.load import altered
@@ -276,9 +274,10 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
     def leap(s):
         if s.cycle.tick == 120:
-            arm = s.cycle.units.each[0]
-            motion = arm.memory.motion._replace(q=arm.memory.motion.q + 0.05)
-            arm.memory = dataclasses.replace(arm.memory, motion=motion)
+            units = s.cycle.units
+            commanded = units.memory.commanded
+            motion = commanded.motion._replace(q=commanded.motion.q + 0.05)
+            units.memory = units.memory._replace(commanded=commanded._replace(motion=motion))
 
     targets = []
 

@@ -116,7 +116,7 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
     world = ObstacleMap.from_cell(cell, Events())
     draw = np.random.default_rng(1)
     ready = [np.array(part.config.mechanism.postures["ready"]) for part in cell.parts]
-    memories = control.seed(np.concatenate(ready))
+    memory = control.seed(np.concatenate(ready))
     leads = {task.by[0]: joint_part(cell, task) for task in cell.joint_tasks if task.at_start}
     led = [leads.get(part.config.mechanism.name, part) for part in cell.parts]
     operators = [_Operator(part, q) for part, q in zip(led, ready, strict=True)]
@@ -134,7 +134,7 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
                 Inputs(
                     time_s=i * cell.config.timing.period_s,
                     intent=Intent.MOVE,
-                    q_measured=memory.sent[1],
+                    q_measured=memory.commanded.sent[1][part],
                     settings=operator.settings,
                     wrench_sensor=draw.normal(0.0, 1.0, 6),
                     stick=operator.command,
@@ -142,10 +142,10 @@ def _measure(cell: Cell, ticks: int, stick: float, paused: bool = True) -> _Phas
                     view=ViewGoal(Pose.identity(), operator.goal.T_world_target),
                     scene=scene,
                 )
-                for operator, memory in zip(operators, memories, strict=True)
+                for operator, part in zip(operators, control.parts, strict=True)
             ]
             start = time.perf_counter()
-            memories, outputs = control.tick(memories, inputs)
+            memory, outputs = control.tick(memory, inputs)
             seconds.append(time.perf_counter() - start)
             if paused and i % ARITHMETIC_EVERY == 0:
                 start = time.perf_counter()

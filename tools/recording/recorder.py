@@ -13,7 +13,7 @@ from mcap.writer import Writer
 from ...config.bundle import to_text
 from ...config.load import Cell
 from ...protocols.messages.messages import Message
-from ...server.recorder import ABOUT, CELL, MEMORY, TICK, KeptTick, pack_memories
+from ...server.recorder import ABOUT, CELL, MEMORY, TICK, KeptTick, pack
 from ..operator.web.scene import scene_of
 from .run_file import SCENE
 
@@ -80,7 +80,7 @@ class Recorder:
 
     def tick(self, row: KeptTick) -> None:
         """Write what a tick looked at and decided, for `telerobot replay`."""
-        memory = b"" if row.memories is None else pack_memories(row.memories)
+        memory = b"" if row.memory is None else pack(row.memory)
         self.ticks(row.stamp_ns, row.data, memory)
 
     def about(self, cell: Cell, **facts: str) -> None:

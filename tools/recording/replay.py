@@ -23,7 +23,6 @@ from ...server.recorder import (
     ReadTick,
     RecordedValueError,
     pack,
-    pack_memories,
     read_row,
     told,
     unpack,
@@ -39,8 +38,8 @@ class Replayed(NamedTuple):
     """One tick that was computed again."""
 
     record: ReadTick
-    before: tuple[Memory, ...]
-    nexts: tuple[Memory, ...]
+    before: Memory
+    after: Memory | None
     outputs: tuple[Output, ...]
     raised: str | None  # error that the tick raised, in one line
     difference: str | None  # first output that differs from the record; None where none does
@@ -86,7 +85,7 @@ class Replay:
 
     def _run(self, messages: Iterable[Recorded]) -> Iterator[Replayed]:
         judgement = self.judgement
-        memories: tuple[Memory, ...] | None = None
+        memory: Memory | None = None
         key: bytes | None = None
         number = -1
         for message in messages:
@@ -101,36 +100,34 @@ class Replay:
             number = record.number
             difference = None
             if not follows:
-                memories = None
+                memory = None
             if key is not None:
-                if memories is not None:
+                if memory is not None:
                     judgement.memories += 1
-                    difference = _of_memories(memories, key)
-                memories, key = unpack(key), None
-            if memories is None:
+                    difference = _of_memory(memory, key)
+                memory, key = unpack(key), None
+            if memory is None:
                 judgement.skipped += 1
                 continue
-            replayed = self._tick(record, memories, difference)
+            replayed = self._tick(record, memory, difference)
             judgement.ticks += 1
             if judgement.difference is None and replayed.difference is not None:
                 judgement.difference = (
                     f"tick {record.tick}, {record.time_s:.3f} s: {replayed.difference}"
                 )
-            memories = replayed.nexts or None
+            memory = replayed.after
             yield replayed._replace(stamp_ns=message.stamp_ns)
 
-    def _tick(
-        self, record: ReadTick, memories: tuple[Memory, ...], difference: str | None
-    ) -> Replayed:
+    def _tick(self, record: ReadTick, memory: Memory, difference: str | None) -> Replayed:
         try:
-            nexts, outputs = self._control.tick(memories, record.inputs)
+            after, outputs = self._control.tick(memory, record.inputs)
         except Exception as error:  # noqa: BLE001  what the daemon's tick raised, this one raises
             words = f"{type(error).__name__}: {error}"
             if difference is None and record.told:
                 difference = f"raised here: {words}"
-            return Replayed(record, memories, (), (), words, difference)
+            return Replayed(record, memory, None, (), words, difference)
         return Replayed(
-            record, memories, nexts, outputs, None, difference or _of_outputs(record, outputs)
+            record, memory, after, outputs, None, difference or _of_outputs(record, outputs)
         )
 
 
@@ -152,11 +149,11 @@ def _words(name: str, value: Any) -> str:
     return np.array2string(np.frombuffer(value), precision=17, separator=", ")
 
 
-def _of_memories(memories: tuple[Memory, ...], key: bytes) -> str | None:
+def _of_memory(memory: Memory, key: bytes) -> str | None:
     """Return the first difference between a recorded memory and that of now."""
-    if pack_memories(memories) == key:
+    if pack(memory) == key:
         return None
-    return f"memory: {first_difference(unpack(key), memories) or 'another layout'}"
+    return f"memory: {first_difference(unpack(key), memory) or 'another layout'}"
 
 
 def first_difference(a: Any, b: Any, path: str = "") -> str | None:
@@ -196,13 +193,15 @@ def explain(cell: Cell, tick: Replayed) -> str:
     """Return what one replayed tick looked at and decided, for every arm, as lines."""
     record = tick.record
     lines = [f"tick {record.tick}, {record.time_s:.3f} s, mode {record.mode}"]
+    first = 0
     for i, part in enumerate(cell.parts):
         if len(cell.parts) > 1:
             lines.append(f"{part.config.mechanism.name}:")
         names = [joint.name for joint in part.robot.joints]
         output = tick.outputs[i] if tick.outputs else None
-        after = tick.nexts[i] if tick.nexts else None
-        lines += _arm(names, record.inputs[i], tick.before[i], output, after)
+        before = tick.before.commanded.motion.dq[first : first + len(names)]
+        first += len(names)
+        lines += _arm(names, record.inputs[i], before, output, tick.after)
     if tick.raised is not None:
         lines.append(f"it raised          {tick.raised}")
     if tick.difference is not None:
@@ -213,7 +212,7 @@ def explain(cell: Cell, tick: Replayed) -> str:
 def _arm(
     joints: Sequence[str],
     inputs: Inputs,
-    before: Memory,
+    dq_before: Array,
     output: Output | None,
     after: Memory | None,
 ) -> Iterator[str]:
@@ -252,12 +251,12 @@ def _arm(
         acts = ", its barrier acts" if gap.active else ""
         yield _line("  gap", f"{gap.link} - {gap.other}: {1e3 * gap.gap:.2f} mm{acts}")
     yield "5 limit"
-    changed = after.motion.dq - before.motion.dq
+    changed = output.dq - dq_before
     fastest = int(np.abs(changed).argmax())
     yield _line("  joint rates", _numbers(output.dq))
     yield _line("  greatest change", f"{joints[fastest]}: {changed[fastest]:+.4g} rad/s")
     took = "the stop verified before goes on" if "verified_stop" in output.limits else "a new one"
-    yield _line("  verified stop", f"{took}, {after.stop.to_go_s:.3f} s long")
+    yield _line("  verified stop", f"{took}, {after.commanded.stop.to_go_s:.3f} s long")
     if output.stop_worsened:
         yield _line("  worsened", "no stop keeps every clearance: the least bad one was taken")
     yield "6 gate, 7 actuate"

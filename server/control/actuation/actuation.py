@@ -25,8 +25,6 @@ class Now(NamedTuple):
 
     inputs: Inputs
     seen: ArmMeasurement
-    before: Motion
-    """The command before this tick."""
     after: Motion
     """The command that this tick decided on."""
     load: Array | None = None
@@ -115,7 +113,7 @@ class ByTorque:
         kept, torques = self._law.step(
             state,
             inputs.q_measured,
-            now.before,
+            seen.commanded.motion,
             now.after,
             seen.kinematics,
             None if seen.hand is None else -seen.hand,

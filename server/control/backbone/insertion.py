@@ -375,15 +375,16 @@ class BackboneArm(SerialArm):
         backbone = Backbone.from_cell(cell)
         return None if backbone is None else partial(cls, backbone)
 
-    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
-        """Return joint rates at the commanded posture q (n,).
+    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+        """Return joint rates at the commanded posture.
 
         An arm with a joint that is locked may withdraw, and nothing else.
         """
+        (q, *_), _, sent = seen.commanded
         inputs, drive = request.inputs, request.inputs.drive
         if inputs.intent is Intent.SEED:
             return self._along(np.zeros(len(q)), None, ())
-        insertion = self.backbone.followed(request.insertion, q, request.following)
+        insertion = self.backbone.followed(request.insertion, q, (sent[1], inputs.q_measured))
         if insertion is None:
             return self._along(np.zeros(len(q)), None, ("off_backbone",))
         if request.moving:
@@ -396,7 +397,7 @@ class BackboneArm(SerialArm):
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
         if free > self._rank and not driven and not back_only:
-            return self._tail(q, seen, request, insertion)
+            return self._tail(seen, request, insertion)
         head = self.backbone.head(q)
         twist = float(head @ request.twist[:3]) if free <= self._rank else 0.0
         share = 1.0
@@ -420,24 +421,22 @@ class BackboneArm(SerialArm):
         found = self._resolver.none(dq)
         return found._replace(limits=limits, synchronized=True, insertion=insertion)
 
-    def _tail(
-        self, q: Array, seen: ArmMeasurement, request: RateRequest, insertion: Insertion
-    ) -> JointRates:
+    def _tail(self, seen: ArmMeasurement, request: RateRequest, insertion: Insertion) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
         k, inside = seen.kinematics, insertion.beyond
         J = k.J.copy()
         J[:, :inside] = 0.0
         seen = seen._replace(kinematics=k._replace(J=J))
-        found = self._resolver.rates(q, seen, request)
+        found = self._resolver.rates(seen, request)
         dq = found.dq.copy()
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)
 
-    def wall_scale(self, found: JointRates, q: Array, error: Array, dq: Array) -> float:
+    def wall_scale(self, found: JointRates, seen: ArmMeasurement, dq: Array) -> float:
         """Return the share of rates dq (n,) along the curve that keeps measured links off walls."""
         if found.insertion is None or not found.synchronized:
             return 1.0
-        return self.backbone.kept_off(found.insertion, q, error, dq)
+        return self.backbone.kept_off(found.insertion, seen.commanded.motion.q, seen.error, dq)
 
     def arrived(self, insertion: Insertion | None, drive: DriveRequest) -> bool | None:
         """Return whether the tip is at the depth that a drive leads it to, if it does."""
@@ -462,10 +461,11 @@ class BackboneArm(SerialArm):
     # --- the promise along a stop --------------------------------------------------------------
 
     def stop_constraint(
-        self, insertion: Insertion | None, q: Array, error: Array
+        self, insertion: Insertion | None, seen: ArmMeasurement
     ) -> StopConstraint | None:
         """Return what judges stops of an arm that is on its curve."""
-        return None if insertion is None else partial(self.violation, insertion, q, error)
+        q = seen.commanded.motion.q
+        return None if insertion is None else partial(self.violation, insertion, q, seen.error)
 
     def violation(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
         """Return by how much a stop brings links too near to the walls [m]; 0 for not.

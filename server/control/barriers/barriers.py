@@ -13,7 +13,6 @@ from .clearance import (
     Levels,
     ProximityQuery,
     Shown,
-    Situation,
     Surroundings,
 )
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
@@ -109,7 +108,7 @@ class ConstraintSet:
             dq, shares, links = in_step(dq, self._counts, shares, shares, links)
         watch, rows, broken, made_way = None, None, None, [False] * len(arms)
         if guard is not None and settings.avoid:
-            watch = guard.watch(Situation.of(arms, around), dq)
+            watch = guard.watch(arms, around, dq)
             beside = guard.tool_shares(watch)
             if links and min(beside) < 1.0:
                 _, beside, links = in_step(dq, self._counts, beside, beside, links)
@@ -164,7 +163,7 @@ class ConstraintSet:
 
     def _bounded(self, i: int, arm: BarrierInputs, factor: float) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
-        room, q = self.rooms[i], arm.motion.q
+        room, q = self.rooms[i], arm.seen.commanded.motion.q
         V = factor * self._velocities[i]
         rates, found = room.within(arm.desired.dq, V, q, arm.seen.error), arm.desired.found
         limits: tuple[str, ...] = ("joint_speed",) if rates.share < 1.0 else ()
@@ -196,8 +195,10 @@ class ConstraintSet:
         left, memories = [], []
         for i, arm in enumerate(arms):
             rates = dq if len(arms) == 1 else dq[self.parts[i]]
+            (_, before, _), _, sent = arm.seen.commanded
+            # The way of the command in the tick whose effect is measured now.
             share, joint, memory = self.rooms[i].resisted(
-                rates, arm.motion.dq, arm.way, arm.seen.error, arm.resistance
+                rates, before, sent[1] - sent[2], arm.seen.error, arm.resistance
             )
             memories.append(memory)
             # An arm that may not move gives way at most, and is not held up.

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -412,10 +412,6 @@ class BarrierInputs(NamedTuple):
 
     desired: DesiredRates
     seen: ArmMeasurement
-    motion: Motion
-    """The commanded joints."""
-    way: Array
-    """Way of the command (n,) [rad] in the tick whose effect is measured now."""
     resistance: Resistance | None
     """The resistance that holds the arm up; None before the first tick."""
     may_move: bool
@@ -429,6 +425,8 @@ class BarrierInputs(NamedTuple):
 class Surroundings(NamedTuple):
     """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
 
+    motion: Motion
+    """The commanded joints (n,), of all mechanisms."""
     levels: Levels
     """Best gap so far of pairs that are below their bounds."""
     inputs: Inputs
@@ -438,32 +436,11 @@ class Surroundings(NamedTuple):
     """Where links are, where that is known already."""
 
 
-class Situation(NamedTuple):
-    """The n joints of a cell in one tick."""
-
-    q: Array
-    dq: Array
-    error: Array
-    """Tracking errors of the joints (n,) [rad]."""
-    arms: Sequence[BarrierInputs]
-    around: Surroundings
-
-    @classmethod
-    def of(cls, arms: Sequence[BarrierInputs], around: Surroundings) -> Self:
-        """Return that of several mechanisms."""
-        return cls(
-            joined([arm.motion.q for arm in arms]),
-            joined([arm.motion.dq for arm in arms]),
-            joined([arm.seen.error for arm in arms]),
-            arms,
-            around,
-        )
-
-
 class ProximityQuery(NamedTuple):
     """Near pairs and barriers of one tick."""
 
-    at: Situation
+    arms: Sequence[BarrierInputs]
+    around: Surroundings
     sight: NearGaps
     rows: Rows
     """Barriers: first those of the gaps that are near, then those of the workspace."""
@@ -496,18 +473,20 @@ class CollisionConstraint:
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
-    def watch(self, at: Situation, asked: Array) -> ProximityQuery:
+    def watch(
+        self, arms: Sequence[BarrierInputs], around: Surroundings, asked: Array
+    ) -> ProximityQuery:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
-        clearance, around, arms = self.clearance, at.around, at.arms
+        clearance, (q, dq, _) = self.clearance, around.motion
         factor = around.inputs.settings.speed_factor
         fastest, speeds, rates = np.empty(len(asked)), [], []
         for arm, part in zip(arms, self._parts, strict=True):
-            speed, rate = _ask(arm.seen.kinematics.J, asked[part], at.dq[part], fastest[part])
+            speed, rate = _ask(arm.seen.kinematics.J, asked[part], dq[part], fastest[part])
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
-            at.q, fastest, at.error, around.inputs.scene, factor, around.levels,
-            around.base, around.placed,
+            q, fastest, joined([arm.seen.error for arm in arms]), around.inputs.scene, factor,
+            around.levels, around.base, around.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         widen = any(
@@ -522,14 +501,14 @@ class CollisionConstraint:
         rows = []
         for arm, part, walls in zip(arms, self._parts, self.walls, strict=True):
             k = arm.seen.kinematics
-            walled = walls.around(_whole(k.J, part, len(at.q)), k.T_world_mrf.p)
+            walled = walls.around(_whole(k.J, part, len(q)), k.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
-        return ProximityQuery(at, sight, Rows.of_all(rows), tuple(speeds), coming)
+        return ProximityQuery(arms, around, sight, Rows.of_all(rows), tuple(speeds), coming)
 
     def makes_way(self, watch: ProximityQuery) -> list[bool]:
         """Return which arms are to go out of the way of something that comes."""
-        near, found = watch.sight.near, [False] * len(watch.at.arms)
+        near, found = watch.sight.near, [False] * len(watch.arms)
         if np.count_nonzero(watch.coming):
             for i in np.flatnonzero((watch.coming > 0.0) & (watch.rows.low[: near.size] > 0.0)):
                 found[self._arm[near.first[i]]] = True
@@ -547,14 +526,14 @@ class CollisionConstraint:
                 continue
             far = (gap - self._clearance) / (self._near_distance - self._clearance)
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-            factor = watch.at.around.inputs.settings.speed_factor
+            factor = watch.around.inputs.settings.speed_factor
             shares.append(min(1.0, factor * bound / max(speed, 1e-12)))
         return shares
 
     def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
-        share, factor = 1.0, watch.at.around.inputs.settings.speed_factor
-        for arm, part, asked in zip(watch.at.arms, self._parts, watch.speeds, strict=True):
+        share, factor = 1.0, watch.around.inputs.settings.speed_factor
+        for arm, part, asked in zip(watch.arms, self._parts, watch.speeds, strict=True):
             speed = float(np.linalg.norm(arm.seen.kinematics.J[:3] @ dq[part]))
             most = max(asked, factor * self._speed)
             share = min(share, most / max(speed, 1e-12))
@@ -576,11 +555,11 @@ class CollisionConstraint:
         self, watch: ProximityQuery, duration_s: float, low: Array, high: Array, postures: Postures
     ) -> float:
         """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
-        at = watch.at
-        way = np.maximum(high - at.q, at.q - low)
+        q, base = watch.around.motion.q, watch.around.base
+        way = np.maximum(high - q, q - low)
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
-        for arm, walls in zip(at.arms, self.walls, strict=True):
-            p, base = arm.seen.kinematics.T_world_mrf.p, at.around.base
+        for arm, walls in zip(watch.arms, self.walls, strict=True):
+            p = arm.seen.kinematics.T_world_mrf.p
             if not walls.given or walls.far(p, arm.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))

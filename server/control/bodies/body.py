@@ -64,9 +64,10 @@ class Resolver:
         return JointRates(dq, self._redundancy.none())
 
     def rates(
-        self, q: Array, seen: ArmMeasurement, request: RateRequest, shares: Shares | None = None
+        self, seen: ArmMeasurement, request: RateRequest, shares: Shares | None = None
     ) -> JointRates:
-        """Return joint rates at the commanded posture q (n,) [rad]."""
+        """Return joint rates at the commanded posture."""
+        q = seen.commanded.motion.q
         shares, held = self._even if shares is None else shares, request.held
         if held is not None and shares is self._even:
             shares = Shares(held.rank)
@@ -156,9 +157,9 @@ class SerialArm:
         """
         return cls
 
-    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
-        """Return joint rates that do what is asked for, at joints q."""
-        return self._resolver.rates(q, seen, request)
+    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+        """Return joint rates that do what is asked for."""
+        return self._resolver.rates(seen, request)
 
     def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
         """Return joint rates (n,) towards a posture, and beside them what an operator drives."""
@@ -176,17 +177,14 @@ class SerialArm:
         """Return the Jacobian (6, n) of the path that barriers spare; None: that of the tool."""
         return None
 
-    def wall_scale(self, found: JointRates, q: Array, error: Array, dq: Array) -> float:
-        """Return the share (0 to 1) of rates dq (n,) that keeps the measured links off walls.
-
-        Joints q are `error` (n,) ahead of the measured ones.
-        """
+    def wall_scale(self, found: JointRates, seen: ArmMeasurement, dq: Array) -> float:
+        """Return the share (0 to 1) of rates dq (n,) that keeps the measured links off walls."""
         return 1.0
 
     def stop_constraint(
-        self, insertion: Insertion | None, q: Array, error: Array
+        self, insertion: Insertion | None, seen: ArmMeasurement
     ) -> StopConstraint | None:
-        """Return what judges stops of joints q, `error` (n,) ahead; None: nothing of its own."""
+        """Return what judges stops of the joints; None: nothing of its own."""
         return None
 
     def arrived(self, insertion: Insertion | None, drive: DriveRequest) -> bool | None:

@@ -12,6 +12,7 @@ from ..mechanism.field import FieldReading
 from ..mechanism.redundancy import Near, SelfMotion
 from ..proximity.capsules import Placed
 from ..spatial import NO_TWIST, Array, Kinematics, Pose
+from ..stop.limiter import Commanded
 
 
 class Following(NamedTuple):
@@ -58,6 +59,8 @@ class ArmMeasurement(NamedTuple):
     T_world_wrist_measured: Pose
     error: Array
     """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
+    commanded: Commanded
+    """What its joints were last told."""
     wrench: Array | None = None
     """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
     hand: Array | None = None
@@ -84,8 +87,6 @@ class RateRequest(NamedTuple):
     """Where the virtual link has the tool off its path, in World (3,) [m]."""
     insertion: Insertion | None = None
     """Where along its curve it was a tick ago."""
-    following: tuple[Array, Array] | None = None
-    """Joints (n,) as commanded and as measured at one instant [rad]."""
     held: HeldAxes | None = None
     """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
 

@@ -89,8 +89,8 @@ class DrivenArm(SerialArm):
         """Return whether the tool is led relative to Base, so that the arm alone leads it."""
         return inputs.ground == "base"
 
-    def rates(self, q: Array, seen: ArmMeasurement, request: RateRequest) -> JointRates:
-        """Return rates of base and arm at the commanded posture q (n,)."""
+    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+        """Return rates of base and arm at the commanded posture."""
         k, inputs, moving = seen.kinematics, request.inputs, request.moving
         base, on_base = np.zeros(len(self._most)), self.works_alone(inputs) or not moving
         if moving:
@@ -107,7 +107,7 @@ class DrivenArm(SerialArm):
         alone, held = bool(D[0] == STANDING), request.held
         ranks = self._ranks if held is None else held.ranks
         shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
-        found = self._resolver.rates(q, seen, request, shares)
+        found = self._resolver.rates(seen, request, shares)
         if not alone:
             return found
         dq = found.dq
@@ -119,7 +119,7 @@ class DrivenArm(SerialArm):
         if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
             return found._replace(wheels_commanded=bool(self.synchronized))
         # The arm cannot answer the drive: the base goes no further than the tool allows.
-        J = judged_at(k, request.lever).J
+        J, q = judged_at(k, request.lever).J, seen.commanded.motion.q
         shares = Shares(ranks[1], self.holding_back(base))
         rest = self._resolver.resolve(q, J, left, request.lever, shares, held)
         return found._replace(dq=dq + rest.dq, limits=("singularity",))

@@ -29,7 +29,7 @@ from ..spatial import (
     twist_at,
     wrench_to,
 )
-from ..state import Memory
+from ..state import ArmMemory
 from ..task.sources import ForceState, bleed, desired_wrench
 
 # --- Speed of a payload, bounded by the internal force that a fault would leave -------------------
@@ -663,7 +663,7 @@ class Grips:
         return max(apart(mean_of(views), view)[0] for view in views)
 
     def taken(
-        self, measured: Sequence[Pose], before: Sequence[Memory]
+        self, measured: Sequence[Pose], before: Sequence[ArmMemory]
     ) -> tuple[list[GraspState], Pose]:
         """Return the grasps of arms whose Wrists were measured at poses in World, and the payload.
 
@@ -678,7 +678,7 @@ class Grips:
         return found, mean
 
     def followed(
-        self, wrists: Sequence[Pose], before: Sequence[Memory]
+        self, wrists: Sequence[Pose], before: Sequence[ArmMemory]
     ) -> tuple[list[GraspState], Pose]:
         """Return the grasps one period later, and where the payload is in World.
 
@@ -702,7 +702,7 @@ class Grips:
         return found, mean
 
 
-def _held(memory: Memory) -> GraspState:
+def _held(memory: ArmMemory) -> GraspState:
     if memory.held is None:
         raise ValueError("the arm holds nothing with others")
     return memory.held

@@ -16,13 +16,14 @@ from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
 from ..inputs import Inputs, Intent
+from ..joints import parts_of
 from ..mechanism.model import at_mrf
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Forest
 from ..scene import Index
 from ..spatial import Array, Kinematics, Pose, rotate_twist
-from ..state import Memory, Output
-from ..stop.limiter import Limiter
+from ..state import ArmMemory, Memory, Output
+from ..stop.limiter import Commanded, Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted
 from ..task.task import Task, TaskMemory
@@ -49,7 +50,7 @@ class Common:
     def summed(
         self,
         memory: TaskMemory,
-        first: Memory,
+        first: ArmMemory,
         told: Inputs,
         wrist: WristMemory,
         seen: ArmMeasurement,
@@ -73,7 +74,7 @@ class Common:
         )
         seen = seen._replace(kinematics=there, wrench=None, hand=None)
         context = context_of(
-            first.motion.dq, None, wrist, told, seen,
+            seen.commanded.motion.dq, None, wrist, told, seen,
             self._wrist, there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p),
         )  # fmt: skip
         all_gains = memory.gains
@@ -102,7 +103,7 @@ class Common:
 class Member(NamedTuple):
     """One arm's part in a joint task in one tick."""
 
-    memory: Memory
+    memory: ArmMemory
     inputs: Inputs
     """Its own, with the MRF where it sees it, and nothing that commands it alone."""
     seen: ArmMeasurement
@@ -265,7 +266,7 @@ FIT_M = 0.020
 class _Of(NamedTuple):
     """One arm in one tick, before it is decided what it is asked for."""
 
-    before: Memory
+    before: ArmMemory
     inputs: Inputs
     seen: ArmMeasurement
     """With the MRF where the arm sees it."""
@@ -282,6 +283,9 @@ class JointTask:
         """Build it; `members` tells which of a cell's `arms` hold the payload, the first leads."""
         self.name, self.section, self.members = section.name, section, tuple(members)
         self.arms = tuple(arms[i] for i in members)
+        every = parts_of([arm.p.n for arm in arms])
+        self.parts = tuple(every[i] for i in members)
+        """Where each one's joints are among the cell's."""
         nominal = [Pose.from_xyz_rpy(T.xyz, T.rpy) for T in section.T_wrist_mrf]
         self._T_payload_wrist = nominal[0].inverse()
         self.at_fault = AtFault(section, self.arms, nominal)
@@ -308,18 +312,23 @@ class JointTask:
             found.append(task)
         return tuple(found)
 
-    def on(self, memories: Sequence[Memory]) -> bool:
+    def on(self, memories: Sequence[ArmMemory]) -> bool:
         """Return whether the arms hold the payload together."""
         held = memories[self.members[0]].held
         return held is not None and held.task == self.name
 
     # --- one tick ----------------------------------------------------------------------------
 
-    def ask(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> CooperativeState:
-        """Return what the task asks of each of its arms; both are those of all arms of the cell."""
+    def ask(
+        self,
+        memories: Sequence[ArmMemory],
+        commanded: Sequence[Commanded],
+        inputs: Sequence[Inputs],
+    ) -> CooperativeState:
+        """Return what the task asks of each of its arms; all are those of all arms of the cell."""
         told = inputs[self.members[0]]
         T_payload_mrf = self._T_payload_wrist @ told.settings.T_wrist_mrf
-        each, mean = self._seen(memories, inputs, told, T_payload_mrf)
+        each, mean = self._seen(memories, commanded, inputs, told, T_payload_mrf)
         T_world_mrf, first = mean @ T_payload_mrf, each[0]
         shared, twists = self._common.summed(
             first.held.shared or self._common.idle,
@@ -378,10 +387,10 @@ class JointTask:
         self,
         together: CooperativeState,
         told: Inputs,
-        memories: Sequence[Memory],
+        memories: Sequence[ArmMemory],
         outputs: Sequence[Output],
         pace: float,
-    ) -> tuple[list[Memory], list[Output]]:
+    ) -> tuple[list[ArmMemory], list[Output]]:
         """Return the members' memories and outputs with what is common to them.
 
         A path may go on at a part `pace` (0 to 1) of its own speed.
@@ -421,7 +430,8 @@ class JointTask:
 
     def _seen(
         self,
-        memories: Sequence[Memory],
+        memories: Sequence[ArmMemory],
+        commanded: Sequence[Commanded],
         inputs: Sequence[Inputs],
         told: Inputs,
         T_payload_mrf: Pose,
@@ -437,23 +447,24 @@ class JointTask:
             measured.append(T)
             wrists.append(arm.measured(memory, own, T))
             seeding = told.intent is Intent.SEED
-            before.append(arm.seeded(memory, own) if seeding else memory)
-        commanded = [
-            arm.mechanism.wrist(memory.motion.q)
-            for arm, memory in zip(self.arms, before, strict=True)
+            before.append(arm.seeded(memory) if seeding else memory)
+        each = [commanded[i] for i in self.members]
+        wrists_told = [
+            arm.mechanism.wrist(own.motion.q) for arm, own in zip(self.arms, each, strict=True)
         ]
         if told.intent is Intent.SEED:
             held, mean = self.grips.taken(measured, before)
         else:
-            held, mean = self.grips.followed([T for T, _ in commanded], before)
+            held, mean = self.grips.followed([T for T, _ in wrists_told], before)
         found = []
-        for i, wrist in enumerate(commanded):
+        for i, wrist in enumerate(wrists_told):
             given = _of_member(inputs[self.members[i]], told, held[i], T_payload_mrf)
             arm, mrf = self.arms[i], given.settings.T_wrist_mrf
             seen = ArmMeasurement(
                 at_mrf(*wrist, mrf),
                 measured[i],
-                before[i].sent[1] - given.q_measured,
+                each[i].sent[1] - given.q_measured,
+                each[i],
                 arm.wrist.wrench_mrf(wrists[i], mrf),
                 arm.wrist.hand_mrf(wrists[i], mrf),
             )
@@ -462,7 +473,7 @@ class JointTask:
 
     def _tuned(
         self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool
-    ) -> tuple[Memory, Array]:
+    ) -> tuple[ArmMemory, Array]:
         """Return one arm's memory with its gains in effect, and the twist of giving way with them.
 
         That is the MRF's (6,), in World axes. None gives way while the payload is `lost`: they
@@ -479,19 +490,19 @@ class JointTask:
         k = member.seen.kinematics
         R = k.T_world_mrf.R
         return Moving(
-            member.memory.motion.q, member.wanted.dq, k.J,
+            member.seen.commanded.motion.q, member.wanted.dq, k.J,
             R @ forces.p[i], rotate_twist(R, forces.desired[i]),
         )  # fmt: skip
 
     def _wanted(
-        self, i: int, of: _Of, memory: Memory, twists: dict[str, Array], share: float
+        self, i: int, of: _Of, memory: ArmMemory, twists: dict[str, Array], share: float
     ) -> DesiredRates:
         """Return the twists of one arm, those in common and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
         R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
         request = RateRequest(given, memory.objectives, R @ (arm.p.T_wrist_tool.p - mrf.p))
         slowed = {name: share * twist for name, twist in twists.items()}
-        wanted = arm.resolved(of.before.motion.q, slowed, request, of.seen)
+        wanted = arm.resolved(slowed, request, of.seen)
         limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits
         return wanted._replace(scale=share, limits=limits)
 
@@ -522,19 +533,19 @@ class HoldRefused(Exception):
 
 
 def held_together(
-    task: JointTask, memories: Sequence[Memory], q: Sequence[Array], always: bool = False
-) -> tuple[Memory, ...]:
-    """Return the memories of all arms, with those of a task that hold its payload from now on.
+    task: JointTask, memory: Memory, q: Sequence[Array], always: bool = False
+) -> Memory:
+    """Return the memory with arms of a task that hold its payload from now on.
 
     `q` are the joints of each arm (n,) as they were measured: grasps are what they make of them.
     Raises `HoldRefused` for arms that move, that hold another payload, and for grasps that do not
     fit, but for the last if it is `always`.
     """
     for i, arm in zip(task.members, task.arms, strict=True):
-        held = memories[i].held
+        held = memory.arms[i].held
         if held is not None and held.task != task.name:
             raise HoldRefused(f"{_name(arm)} holds '{held.task}'")
-    _require_rest(task, memories)
+    _require_rest(task, memory)
     misfit = task.grips.misfit([q[i] for i in task.members])
     if misfit > FIT_M and not always:
         raise HoldRefused(
@@ -544,35 +555,35 @@ def held_together(
     measured = [
         arm.mechanism.pose_wrist(q[i]) for i, arm in zip(task.members, task.arms, strict=True)
     ]
-    found = list(memories)
-    grasps, _ = task.grips.taken(measured, [memories[i] for i in task.members])
+    found = list(memory.arms)
+    grasps, _ = task.grips.taken(measured, [found[i] for i in task.members])
     for i, arm, held in zip(task.members, task.arms, grasps, strict=True):
-        found[i] = evolve(_idle(arm, memories[i]), held=held)
-    return tuple(found)
+        found[i] = evolve(_idle(arm, found[i]), held=held)
+    return memory._replace(arms=tuple(found))
 
 
-def let_go(task: JointTask, memories: Sequence[Memory]) -> tuple[Memory, ...]:
-    """Return the memories of all arms, with those of a task that each have a task alone from now.
+def let_go(task: JointTask, memory: Memory) -> Memory:
+    """Return the memory with arms of a task that each have a task alone from now on.
 
     Raises `HoldRefused` for arms that move.
     """
-    _require_rest(task, memories)
-    found = list(memories)
+    _require_rest(task, memory)
+    found = list(memory.arms)
     for i, arm in zip(task.members, task.arms, strict=True):
-        found[i] = evolve(_idle(arm, memories[i]), held=None)
-    return tuple(found)
+        found[i] = evolve(_idle(arm, found[i]), held=None)
+    return memory._replace(arms=tuple(found))
 
 
-def _idle(arm: Arm, memory: Memory) -> Memory:
+def _idle(arm: Arm, memory: ArmMemory) -> ArmMemory:
     """Return the memory of an arm whose task was asked for nothing yet; its gains stay."""
     idle = arm.task.idle
     retreat = None if arm.retreat is None else arm.retreat.start
     return evolve(memory, task=idle._replace(gains=memory.task.gains), retreat=retreat)
 
 
-def _require_rest(task: JointTask, memories: Sequence[Memory]) -> None:
-    for i, arm in zip(task.members, task.arms, strict=True):
-        if not memories[i].motion.stands(AT_REST):
+def _require_rest(task: JointTask, memory: Memory) -> None:
+    for part, arm in zip(task.parts, task.arms, strict=True):
+        if not memory.commanded.motion.of(part).stands(AT_REST):
             raise HoldRefused(f"{_name(arm)} moves")
 
 
@@ -620,43 +631,46 @@ class JointTasks:
         self.tasks = JointTask.of(cell, arms)
         self._stretches = [Stretch(cell, t.members, t.section.stretch) for t in self.tasks]
         self._limiter_of = limiter_of
+        self._parts = parts_of([arm.p.n for arm in arms])
         # Scratch: limiters by the arms whose joints are a group.
         self._limiters: dict[tuple[tuple[int, ...], ...], Limiter] = {}
 
-    def seeded(
-        self, memories: tuple[Memory, ...], q: Sequence[Array], on: Collection[str] | None
-    ) -> tuple[Memory, ...]:
-        """Return the memories of arms at rest, each at its q (n,), that hold payloads.
+    def seeded(self, memory: Memory, on: Collection[str] | None) -> Memory:
+        """Return the memory of arms at rest that hold payloads.
 
         Those of the tasks `on`; of those that are at start, if None.
         """
+        q = [memory.commanded.motion.q[part] for part in self._parts]
         for task in self.tasks:
             if task.section.at_start if on is None else task.name in on:
-                memories = held_together(task, memories, q, always=True)
-        return memories
+                memory = held_together(task, memory, q, always=True)
+        return memory
 
-    def on(self, memories: Sequence[Memory], inputs: Sequence[Inputs]) -> list[ActiveTask]:
+    def on(
+        self,
+        memories: Sequence[ArmMemory],
+        commanded: Sequence[Commanded],
+        inputs: Sequence[Inputs],
+    ) -> list[ActiveTask]:
         """Return those that are on, with what they ask of their arms."""
         found = []
         for task, stretch in zip(self.tasks, self._stretches, strict=True):
             if task.on(memories):
-                together = task.ask(memories, inputs)
+                together = task.ask(memories, commanded, inputs)
                 views = [member.inputs.settings.T_wrist_mrf for member in together.members]
                 found.append(ActiveTask(task, together, stretch, stretch.carried(views)))
         return found
 
-    def switched(
-        self, name: str, on: bool, memories: Sequence[Memory], q: Sequence[Array]
-    ) -> tuple[Memory, ...]:
-        """Return the memories of all arms once a task is on or off; `q` are measured joints (n,).
+    def switched(self, name: str, on: bool, memory: Memory, q: Sequence[Array]) -> Memory:
+        """Return the memory once a task is on or off; `q` are the measured joints of each arm (n,).
 
         Raises `HoldRefused` where that is not possible now, `KeyError` for a task that there is
         not.
         """
         task = {task.name: task for task in self.tasks}[name]
         if not on:
-            return let_go(task, memories) if task.on(memories) else tuple(memories)
-        return tuple(memories) if task.on(memories) else held_together(task, memories, q)
+            return let_go(task, memory) if task.on(memory.arms) else memory
+        return memory if task.on(memory.arms) else held_together(task, memory, q)
 
     def limiter(self, on: Sequence[ActiveTask]) -> Limiter:
         """Return the limiter of a cell in which these tasks are on."""
@@ -679,7 +693,7 @@ def finish(
     on: Sequence[ActiveTask],
     inputs: Sequence[Inputs],
     paces: Sequence[float],
-    memories: list[Memory],
+    memories: list[ArmMemory],
     outputs: list[Output],
 ) -> None:
     """Put what is common to the arms of each joint task into their memories and outputs."""

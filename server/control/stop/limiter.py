@@ -50,9 +50,30 @@ class Limited(NamedTuple):
     worsened: bool = False
     """True when news made even the stop of the tick before fall short of what is to be kept."""
 
-    def of(self, part: slice) -> "Limited":
+
+class Commanded(NamedTuple):
+    """What joints were last told."""
+
+    motion: Motion
+    """What the drives were last told to reach."""
+    stop: Stop
+    """The verified way to rest from there."""
+    sent: tuple[Array, Array, Array]
+    """The last three commanded postures (n,), newest first [rad]."""
+
+    @staticmethod
+    def at_rest(q: Array) -> "Commanded":
+        """Return that of joints at rest at q (n,) that were told nothing else yet."""
+        return Commanded(Motion.at_rest(q), Stop.at_rest(q), (q, q, q))
+
+    def followed_by(self, limited: Limited) -> "Commanded":
+        """Return the same once the joints are told the next motion."""
+        return Commanded(limited.motion, limited.stop, (limited.motion.q, *self.sent[:2]))
+
+    def of(self, part: slice) -> "Commanded":
         """Return that of some joints."""
-        return Limited(self.motion.of(part), self.stop.of(part), self.stopped, self.worsened)
+        a, b, c = self.sent
+        return Commanded(self.motion.of(part), self.stop.of(part), (a[part], b[part], c[part]))
 
 
 StopConstraint = Callable[[Stop], float]

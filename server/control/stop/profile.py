@@ -1,7 +1,6 @@
 """The quickest jerk-limited ways to a velocity, in closed form; to rest, alone and together."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -468,26 +467,6 @@ class Stop(NamedTuple):
     def at_rest(q: Array) -> "Stop":
         """Return the stop of what stands at q (n,)."""
         return Stop.along(Motion.at_rest(q), np.zeros((2, 1, len(q))))
-
-    @staticmethod
-    def of_all(each: "Sequence[Stop]") -> "Stop":
-        """Return stops that began at one time as one, their freedoms one after the other."""
-        if len(each) == 1:
-            return each[0]
-        most = max(stop.phases.shape[1] for stop in each)
-        phases, first = np.zeros((2, most, sum(len(stop.low) for stop in each))), 0
-        for stop in each:
-            _, k, n = stop.phases.shape
-            phases[:, :k, first : first + n] = stop.phases
-            first += n
-        return Stop(
-            Motion.of_all([stop.start for stop in each]),
-            phases,
-            np.concatenate([stop.low for stop in each]),
-            np.concatenate([stop.high for stop in each]),
-            max(stop.duration_s for stop in each),
-            each[0].elapsed_s,
-        )
 
     def of(self, part: slice) -> "Stop":
         """Return that of some freedoms."""

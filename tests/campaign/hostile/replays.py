@@ -13,7 +13,7 @@ from typing import Final
 
 from telerobot.config.bundle import to_text
 from telerobot.config.load import load_cell
-from telerobot.server.recorder import MEMORY, TICK, KeptTick, Stamped, joined, pack_memories
+from telerobot.server.recorder import MEMORY, TICK, KeptTick, Stamped, joined, pack
 from telerobot.tools.recording.replay import Judgement, Replay
 from telerobot.tools.recording.run_file import read_cell
 from telerobot.tools.simulation.simulation import Simulation
@@ -78,8 +78,8 @@ def replayed(cell_name: str, seed: int, ticks: int | None = None) -> ReplayedRun
 def _replay(cell: str, rows: Sequence[KeptTick]) -> Judgement:
     messages = []
     for row in rows:
-        if row.memories is not None:
-            messages.append(Stamped(MEMORY, row.stamp_ns, pack_memories(row.memories)))
+        if row.memory is not None:
+            messages.append(Stamped(MEMORY, row.stamp_ns, pack(row.memory)))
         messages.append(Stamped(TICK, row.stamp_ns, row.data))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"

@@ -57,7 +57,7 @@ class Kept:
         scene = self.world.scene(0) if scene is None else scene
         around = self.guard.clearance.search
         room = np.full(len(around.capsules.each), FAR)
-        placed = around.capsules.place(self.run.memory.motion.q[None])
+        placed = around.capsules.place(self.run.memory.commanded.motion.q[None])
         near = around.find(placed, scene, room, 0.0)
         wanted = (near.obstacle < 0) == own
         return float((near.gap - near.promise)[wanted].min(initial=FAR))
@@ -110,7 +110,7 @@ def test_driven_into_a_table_the_tool_stands_before_it_and_leaves_at_once(pa10, 
     kept.go(4.0, twist)
     assert 0.0 < min(kept.least) < 0.012
     # Straight at it the tool stands; obliquely it glides along, up to where its reach ends.
-    assert np.abs(kept.run.memory.motion.dq).max() < (0.25 if any(twist[:2]) else 0.02)
+    assert np.abs(kept.run.memory.commanded.motion.dq).max() < (0.25 if any(twist[:2]) else 0.02)
     height = kept.run.pose.p[2]
     kept.go(1.0, (0, 0, 0.3, 0, 0, 0))
     assert kept.run.pose.p[2] > height + 0.15
@@ -162,7 +162,7 @@ def test_far_from_everything_not_a_bit_is_changed(pa10):
     without.run.set(avoid=False)
     for kept in (with_it, without):
         kept.go(1.0, (0.1, 0.05, 0.05, 0, 0.1, 0))
-    assert (with_it.run.memory.motion.q == without.run.memory.motion.q).all()
+    assert (with_it.run.memory.commanded.motion.q == without.run.memory.commanded.motion.q).all()
 
 
 def test_links_are_kept_from_each_other(pa10):
@@ -208,7 +208,7 @@ def test_the_tool_and_its_stops_stay_above_a_tilted_plane(pa10, rng):
     for _ in range(15):
         kept.go(0.4, (0.1, -0.05, -0.25, *rng.uniform(-0.3, 0.3, 3)))
         heights.append(float(normal @ (kept.run.pose.p - plane.point)))
-        stop = kept.run.memory.stop
+        stop = kept.run.memory.commanded.stop
         ends = [pa10.mechanism.kinematics(x, pa10.p.T_wrist_tool, None).T_world_mrf.p
                 for x in stop.postures(np.linspace(0.0, stop.to_go_s, 5))]  # fmt: skip
         assert min(normal @ (p - plane.point) for p in ends) > 0.0
@@ -228,7 +228,7 @@ def test_beside_things_the_tool_is_slow(pa10):
 
 
 def _tool_speed(kept: Kept) -> float:
-    arm, motion = kept.run.arm, kept.run.memory.motion
+    arm, motion = kept.run.arm, kept.run.memory.commanded.motion
     J = arm.mechanism.kinematics(motion.q, arm.settings.T_wrist_mrf).J
     return float(np.linalg.norm((J @ motion.dq)[:3]))
 
@@ -283,7 +283,7 @@ def test_the_lag_of_the_joints_is_taken_off_every_gap(pa10):
         kept = Kept(pa10, (TABLE,))
         stick = StickCommand(np.array([0, 0, -0.3, 0, 0, 0]), np.eye(3))
         for _ in range(300):
-            q = kept.run.memory.sent[1] - lag * np.array([0, 1.0, 0, 1.0, 0, 0, 0])
+            q = kept.run.memory.commanded.sent[1] - lag * np.array([0, 1.0, 0, 1.0, 0, 0, 0])
             kept.run.tick(stick=stick, scene=kept.world.scene(0), q_measured=q)
         gaps.append(kept.gap())
     assert gaps[1] > gaps[0] + 0.003
@@ -296,7 +296,7 @@ def test_equal_inputs_give_equal_bits(pa10):
         kept = Kept(pa10, EVERYTHING)
         for _ in range(5):
             kept.go(0.3, hostile(rng))
-        ends.append(kept.run.memory.motion.q)
+        ends.append(kept.run.memory.commanded.motion.q)
     assert (ends[0] == ends[1]).all()
 
 

@@ -112,7 +112,7 @@ def test_in_hold_a_force_without_end_gets_no_further_than_the_leash(run):
     wrench = run.arm.control.arms[0].weight(run.pose, run.settings)
     wrench[2] += 80.0
     run.go(6.0, intent=Intent.HOLD, wrench_sensor=wrench)
-    moved = np.linalg.norm(run.arm.mechanism.pose_wrist(run.memory.motion.q).p - at)
+    moved = np.linalg.norm(run.arm.mechanism.pose_wrist(run.memory.commanded.motion.q).p - at)
     leash = run.arm.p.sources.force.hold_leash
     assert 0.5 * leash < moved <= 1.05 * leash
     run.observe()

@@ -33,7 +33,7 @@ def test_source_and_objective_together_lead_the_joints_straight_to_the_posture(
     folding: Callable[..., Run],
 ) -> None:
     run = folding(6.0, 1.0, 1.0)
-    np.testing.assert_allclose(run.memory.motion.q, run.q + AWAY, atol=1e-3)
+    np.testing.assert_allclose(run.memory.commanded.motion.q, run.q + AWAY, atol=1e-3)
     ways = (np.array(run.sent) - run.q) / AWAY
     assert np.ptp(ways, axis=1).max() < 5e-3  # in proportion
     shown = run.outputs[50]
@@ -46,7 +46,7 @@ def test_without_the_source_the_tool_stands_and_spare_joints_alone_fold(
     folding: Callable[..., Run],
 ) -> None:
     run = folding(1.0, 0.0, 1.0)
-    assert np.abs(run.memory.motion.q - run.q).max() > 0.05
+    assert np.abs(run.memory.commanded.motion.q - run.q).max() > 0.05
     pose = run.arm.mechanism.pose_wrist(run.q) @ run.settings.T_wrist_mrf
     np.testing.assert_allclose(run.pose.p, pose.p, atol=2e-3)
     np.testing.assert_allclose(run.pose.R, pose.R, atol=5e-3)
@@ -57,7 +57,7 @@ def test_without_the_objective_the_tool_goes_as_it_would_but_not_the_elbow(
 ) -> None:
     whole, tool = folding(0.5, 1.0, 1.0), folding(0.5, 1.0, 0.0)
     np.testing.assert_allclose(tool.pose.p, whole.pose.p, atol=0.02)
-    assert np.abs(tool.memory.motion.q - whole.memory.motion.q).max() > 0.02
+    assert np.abs(tool.memory.commanded.motion.q - whole.memory.commanded.motion.q).max() > 0.02
 
 
 def test_a_stick_adds_to_folding(folding: Callable[..., Run], stick: Callable[..., object]) -> None:

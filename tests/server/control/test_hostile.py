@@ -31,7 +31,7 @@ class Hostility:
             self.change()
         if self.rng.random() < 0.1:
             self.lag = self.rng.normal(size=len(self.lag)) * self.run.arm.p.joints.leash * 0.3
-        return self.run.tick(**self.inputs, q_measured=self.run.memory.sent[1] - self.lag)
+        return self.run.tick(**self.inputs, q_measured=self.run.memory.commanded.sent[1] - self.lag)
 
     def change(self):
         run, rng, inputs = self.run, self.rng, self.inputs

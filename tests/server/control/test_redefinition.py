@@ -76,7 +76,7 @@ def played(arm, start, stick, which, at=(), frame="mrf", other=SHIFTED):
             run.set(redefined=redefined, **new)
         given = asked(run, stick, which, tick)
         run.tick(**{"wrench_sensor": run.weight, **given})
-        poses.append(arm.mechanism.pose_wrist(run.memory.motion.q))
+        poses.append(arm.mechanism.pose_wrist(run.memory.commanded.motion.q))
     run.observe()
     return poses
 
@@ -120,7 +120,7 @@ def test_at_rest_a_new_mrf_moves_nothing_with_every_source_on(arm, start, stick,
     run = start(arm)
     run.set(gains=GAINS)
     weight = arm.control.arms[0].weight(run.pose, run.settings)
-    before, redefined = arm.mechanism.pose_wrist(run.memory.motion.q), 0
+    before, redefined = arm.mechanism.pose_wrist(run.memory.commanded.motion.q), 0
     lens = run.pose @ run.settings.T_wrist_mrf.inverse() @ LENS
     given = {
         "goal": PathGoal(run.pose, 1),
@@ -137,7 +137,7 @@ def test_at_rest_a_new_mrf_moves_nothing_with_every_source_on(arm, start, stick,
             run.set(redefined=redefined, T_wrist_mrf=mrf, T_world_crf=other)
         run.tick(**given)
         assert np.abs(run.outputs[-1].desired.twists["frames"]).max() < 1e-9
-    after = arm.mechanism.pose_wrist(run.memory.motion.q)
+    after = arm.mechanism.pose_wrist(run.memory.commanded.motion.q)
     assert max(sizes(pose_error(before, after))) < 1e-6
 
 
@@ -146,7 +146,7 @@ def test_a_turning_stick_turns_the_tool_about_the_new_point_without_a_jump(arm, 
     run.set(gains={**OFF, "joystick": np.ones(6)})
     turn = stick(0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
     run.go(0.6, stick=turn)
-    before = run.memory.motion.dq
+    before = run.memory.commanded.motion.dq
     new = run.settings.T_wrist_mrf @ Pose(np.eye(3), np.array([0.2, 0.0, 0.0]))
     run.set(T_wrist_mrf=new, redefined=1)
     output = run.tick(stick=turn)
@@ -173,7 +173,7 @@ def test_a_master_leads_the_new_mrf_from_where_the_old_one_was_led(arm, start):
             target = away(begin, 0.0005 * min(tick, 120) * np.array([1.0, -1.0, 0.5]), (0, 0, 0))
             goal = Pursuit(target @ to, 1)
             run.tick(goal=goal, T_wrist_goal=run.settings.T_wrist_mrf)
-            found.append(arm.mechanism.pose_wrist(run.memory.motion.q))
+            found.append(arm.mechanism.pose_wrist(run.memory.commanded.motion.q))
         run.observe()
         poses.append(found)
     far, turned = apart(*poses)

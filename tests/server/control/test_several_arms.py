@@ -34,7 +34,7 @@ class Run:
         self.cell, self.control = cell, Control.of(cell)
         self.settings = [Commands.from_cell(part).control_settings() for part in cell.parts]
         ready = [part.config.mechanism.postures["ready"] for part in cell.parts]
-        self.memories = self.control.seed(np.concatenate(ready))
+        self.memory = self.control.seed(np.concatenate(ready))
         self.sent = [np.concatenate(ready)] * 3
 
     def tick(self, *sticks, intent=Intent.MOVE):
@@ -43,13 +43,13 @@ class Run:
             Inputs(
                 T * len(self.sent),
                 intent,
-                memory.sent[1],
+                self.memory.commanded.sent[1][part],
                 dataclasses.replace(settings),
                 stick=StickCommand(np.array(stick), np.eye(3)),
             )
-            for memory, settings, stick in zip(self.memories, self.settings, sticks, strict=True)
+            for part, settings, stick in zip(self.control.parts, self.settings, sticks, strict=True)
         ]
-        self.memories, outputs = self.control.tick(self.memories, inputs)
+        self.memory, outputs = self.control.tick(self.memory, inputs)
         assert [o.refusal for o in outputs] == [None] * len(outputs)
         self.sent.append(np.concatenate([o.q for o in outputs]))
         return outputs

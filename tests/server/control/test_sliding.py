@@ -134,7 +134,7 @@ def test_the_path_waits_for_a_joint_that_does_not_follow(pa10):
     goal = behind(kept, (0.0, 0.3, 0.0))
     for _ in range(50):
         kept.run.tick(goal=goal, scene=kept.world.scene(0))
-    stuck = kept.run.memory.sent[1]
+    stuck = kept.run.memory.commanded.sent[1]
     for _ in range(200):
         output = kept.run.tick(goal=goal, scene=kept.world.scene(0), q_measured=stuck)
     assert any(name.startswith("leash:") for name in output.limits)

@@ -40,7 +40,7 @@ class Snake:
         lengths = self.backbone.lengths
         near = self.backbone.section.start if self.s1 is None else self.s1
         q = self.backbone.fits[int(np.abs(lengths - near).argmin())]
-        (self.memory,) = self.control.seed(q)
+        self.memory = self.control.seed(q)
         self.q, self.tick = q, 0
 
     def step(self, intent=Intent.MOVE, drive=STILL, behind=None, **more):
@@ -53,13 +53,13 @@ class Snake:
             drive=drive,
             **more,
         )
-        (self.memory,), (output,) = self.control.tick((self.memory,), (given,))
+        self.memory, (output,) = self.control.tick(self.memory, (given,))
         self.q, self.tick = output.q, self.tick + 1
         assert output.refusal is None
         return output
 
     def off(self):
-        s1 = 1.5 if self.memory.insertion is None else self.memory.insertion.s1
+        s1 = 1.5 if self.memory.arms[0].insertion is None else self.memory.arms[0].insertion.s1
         return self.backbone.off_centre(self.backbone.chain.points(self.q[None]), s1)
 
 
@@ -89,7 +89,7 @@ def test_with_another_exterior_it_slithers_as_well(tmp_path):
     for _ in range(300):
         snake.step(drive=DriveRequest(0.08))
         assert snake.off() < snake.backbone.room
-    assert snake.memory.insertion.s1 < 0.75
+    assert snake.memory.arms[0].insertion.s1 < 0.75
     while not snake.step(Intent.STOP).at_rest:
         assert snake.off() < snake.backbone.room
 
@@ -110,7 +110,7 @@ def test_what_a_joint_lags_is_taken_off_the_room():
     snake = Snake("snake", 1.0)
     body = snake.control.arms[0].body
     snake.step()
-    insertion, lag, aside = snake.memory.insertion, np.zeros(30), snake.q.copy()
+    insertion, lag, aside = snake.memory.arms[0].insertion, np.zeros(30), snake.q.copy()
     aside[25] -= 0.02  # the tip is 5 mm aside
     stop = Stop.at_rest(aside)
     points = snake.backbone.chain.points(aside[None])
@@ -123,13 +123,13 @@ def test_what_a_joint_lags_is_taken_off_the_room():
 def test_at_the_ends_of_its_way_it_slows_down_and_says_so():
     snake = Snake("snake", 0.66)
     told = [snake.step(drive=DriveRequest(0.08)).limits for _ in range(200)]
-    assert snake.memory.insertion.s1 == pytest.approx(0.63, abs=2e-3)
+    assert snake.memory.arms[0].insertion.s1 == pytest.approx(0.63, abs=2e-3)
     assert "insertion_speed" in told[100]
 
 
 def test_a_posture_that_is_not_the_curve_s_does_not_move():
     snake = Snake("snake")
-    (snake.memory,) = snake.control.seed(np.zeros(30))
+    snake.memory = snake.control.seed(np.zeros(30))
     snake.q = np.zeros(30)
     output = snake.step(drive=DriveRequest(0.05))
     assert output.limits == ("off_backbone",)
@@ -171,6 +171,6 @@ def test_a_tail_in_space_answers_all_sources_at_once_while_the_rest_stands():
     moved = pose_error(outputs[-1].T_world_mrf, outputs[40].T_world_mrf) / 0.39
     assert np.abs(asked).min() > 1e-3
     assert moved == pytest.approx(asked, abs=5e-4)
-    assert snake.memory.insertion.beyond == 21
+    assert snake.memory.arms[0].insertion.beyond == 21
     assert np.abs(snake.q - before)[:21].max() < 1e-4
     assert np.abs(snake.q - before)[21:].max() > 0.02

@@ -31,14 +31,14 @@ def test_a_stop_that_is_said_to_be_clear_is_clear_at_every_millisecond(pa10, kep
     said: list[tuple[bool, float]] = []
     while len(said) < 150:
         q = pa10.posture("ready") + rng.uniform(-0.7, 0.7, 7)
-        kept.run.memory.motion.q[:] = q
+        kept.run.memory.commanded.motion.q[:] = q
         if not 0.0 < kept.gap() < 0.08 or kept.gap(own=True) < 0.0:
             continue
         dq = rng.uniform(-1, 1, 7) * pa10.p.joints.velocity * rng.uniform(0, 1)
         stop = planner.stop(Motion(q, dq, none))
         motion, k = Motion(q, dq, none), pa10.mechanism.kinematics(q, Pose.identity())
         at = situation(k, dq, motion, scene)
-        watch = kept.guard.watch(at, dq)
+        watch = kept.guard.watch(*at)
         short = kept.guard.violation(watch, stop.to_go_s, stop.low, stop.high, stop.postures)
         said.append((short == 0.0, float(gaps_along(kept, stop).min())))
     clear = [least for ok, least in said if ok]

@@ -55,7 +55,7 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
 def test_the_tool_moves_as_the_sum_says(run, stick):
     inputs = everything_at_once(run, stick)
     run.go(0.6, **inputs)
-    J = run.arm.mechanism.kinematics(run.memory.motion.q, run.settings.T_wrist_mrf).J
+    J = run.arm.mechanism.kinematics(run.memory.commanded.motion.q, run.settings.T_wrist_mrf).J
     output = run.tick(**inputs)
     np.testing.assert_allclose(J @ output.dq, output.desired.twist, atol=5e-3)
     run.observe()
@@ -89,20 +89,20 @@ def bits(output):
 def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run, stick, rng):
     inputs = everything_at_once(run, stick)
     run.go(0.2, **inputs)
-    kept = pickle.dumps((run.memory.motion, run.memory.sent, run.memory.wrist))
     memory, control = run.memory, run.arm.control
-    given = Inputs(0.0, Intent.MOVE, memory.sent[1], run.settings, **inputs)
-    (first_memory,), (first,) = control.tick((memory,), (given,))
+    kept = pickle.dumps((memory.commanded, memory.arms[0].wrist))
+    given = Inputs(0.0, Intent.MOVE, memory.commanded.sent[1], run.settings, **inputs)
+    first_memory, (first,) = control.tick(memory, (given,))
     other = control.seed(run.arm.random_posture(rng))
     for factor in (0.3, 1.0):
         settings = replace(run.settings, speed_factor=factor)
         other, _ = control.tick(other, (replace(given, settings=settings),))
-    (again_memory,), (again,) = control.tick((memory,), (given,))
-    _, (fresh,) = Control([ArmControl(run.arm.p, run.arm.mechanism)]).tick((memory,), (given,))
+    again_memory, (again,) = control.tick(memory, (given,))
+    _, (fresh,) = Control([ArmControl(run.arm.p, run.arm.mechanism)]).tick(memory, (given,))
     assert bits(first) == bits(again) == bits(fresh)
-    assert first_memory.motion.ddq.tobytes() == again_memory.motion.ddq.tobytes()
+    assert pickle.dumps(first_memory.commanded) == pickle.dumps(again_memory.commanded)
     # Nor was anything that went in written to.
-    assert pickle.dumps((memory.motion, memory.sent, memory.wrist)) == kept
+    assert pickle.dumps((memory.commanded, memory.arms[0].wrist)) == kept
 
 
 # --- changes while running ------------------------------------------------------------------------
@@ -186,7 +186,7 @@ def test_seeding_puts_the_command_where_the_joints_are(run, stick):
     np.testing.assert_array_equal(output.q, measured)
     assert output.at_rest
     assert output.refusal is None
-    assert not run.memory.task.states["joystick"].motion.dq.any()
+    assert not run.memory.arms[0].task.states["joystick"].motion.dq.any()
 
 
 def test_a_drive_that_is_already_on_keeps_its_command_while_the_others_follow_their_joints(run):
@@ -198,7 +198,7 @@ def test_a_drive_that_is_already_on_keeps_its_command_while_the_others_follow_th
 
 def test_stop_runs_out_along_the_verified_stop_and_then_is_at_rest(run, stick):
     run.go(0.5, stick=stick(-0.3, 0.1, 0.0, 0.0, 0.0, 0.3))
-    stop = run.memory.stop
+    stop = run.memory.commanded.stop
     assert stop.to_go_s > 0.05
     for i in range(1, 200):
         output = run.tick(intent=Intent.STOP, stick=stick(*FORWARD))
@@ -302,7 +302,7 @@ def behind(run, joint, error):
     """Where the joints are when one of them hangs behind its command."""
     lag = np.zeros(run.arm.p.n)
     lag[joint] = error
-    return run.memory.sent[1] - lag
+    return run.memory.commanded.sent[1] - lag
 
 
 @pytest.mark.parametrize("joint", [0, 3])

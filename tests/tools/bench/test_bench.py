@@ -80,10 +80,10 @@ def test_arms_on_one_payload_are_measured_while_they_hold_it(monkeypatch):
     held = []
 
     class Watched(tick.Control):
-        def tick(self, memories, inputs):
-            nexts, outputs = super().tick(memories, inputs)
+        def tick(self, memory, inputs):
+            after, outputs = super().tick(memory, inputs)
             held.append([output.held is not None for output in outputs])
-            return nexts, outputs
+            return after, outputs
 
     monkeypatch.setattr(tick, "Control", Watched)
     tick.bench(load.among(load.on_one_payload(), load.OBSTACLES), ticks=20)

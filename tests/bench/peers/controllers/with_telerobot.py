@@ -34,7 +34,7 @@ class Telerobot:
         )
         self._period_s = cell.config.timing.period_s
         self._control = Control.of(cell)
-        (self._memory,) = self._control.seed(np.array(scene.start))
+        self._memory = self._control.seed(np.array(scene.start))
         self._world = ObstacleMap.from_cell(cell, Events())
         self._moving = tuple(thing for thing in scene.things if thing.moves)
         for thing in scene.things:
@@ -59,7 +59,7 @@ class Telerobot:
             goal=self._goal,
             scene=self._world.scene(tick) if self._world.known else None,
         )
-        (memory,), (output,) = self._control.tick((self._memory,), (inputs,))
+        memory, (output,) = self._control.tick(self._memory, (inputs,))
         if output.refusal is not None:
             raise NoCommand(output.refusal)
         self._memory = memory

@@ -1,21 +1,24 @@
 """An arm in a tick, as the barriers see it."""
 
 import numpy as np
-from telerobot.server.control.barriers.clearance import BarrierInputs, Situation, Surroundings
+from telerobot.server.control.barriers.clearance import BarrierInputs, Surroundings
 from telerobot.server.control.bodies.rates import ArmMeasurement, DesiredRates, JointRates
 from telerobot.server.control.hold import COMMANDED
 from telerobot.server.control.inputs import Inputs, Intent, Settings
 from telerobot.server.control.mechanism.redundancy import SelfMotion
 from telerobot.server.control.spatial import NO_TWIST, Pose
+from telerobot.server.control.stop.limiter import Commanded
+from telerobot.server.control.stop.profile import Stop
 
 
 def situation(k, dq, motion, scene):
-    """Return that of an arm that follows at once, and is told to go at dq (n,)."""
+    """Return arms, surroundings and rates dq (n,) of an arm that follows them at once."""
     none = np.zeros(len(dq))
     found = JointRates(dq, SelfMotion(none, {}))
     desired = DesiredRates(dq, {}, NO_TWIST, 1.0, (), found, stance=COMMANDED)
-    seen = ArmMeasurement(k, k.T_world_wrist, none)
+    told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
+    seen = ArmMeasurement(k, k.T_world_wrist, none, told)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
-    arm = BarrierInputs(desired, seen, motion, none, None, True, Pose.identity())
-    return Situation.of((arm,), Surroundings({}, inputs))
+    arm = BarrierInputs(desired, seen, None, True, Pose.identity())
+    return (arm,), Surroundings(motion, {}, inputs), dq

@@ -32,7 +32,7 @@ def watched(pa10):
         around = evolve(scene, clearance=np.full(2, clearance))
         zero = np.zeros(7)
         at = situation(k, asked, Motion(q, dq, zero), around)
-        return guard, guard.watch(at, asked)
+        return guard, guard.watch(*at)
 
     return k.J, watch
 

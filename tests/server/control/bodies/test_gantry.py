@@ -10,6 +10,7 @@ from telerobot.server.control.axes import HeldAxes, holding
 from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
 from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.spatial import Pose
+from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.refusals import Refused
 from telerobot.server.telemetry import describe
 from telerobot.tools.scripts.script import Script, load_script
@@ -36,11 +37,11 @@ def rates(arm):
     def found(twist, held=None, **more):
         settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
         inputs = Inputs(0.0, Intent.MOVE, BENT, settings, **more)
-        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9))
+        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), Commanded.at_rest(BENT))
         request = RateRequest(
             inputs, arm.redundancy.objectives, np.zeros(3), np.array(twist), held=held
         )
-        return k.J, arm.body.rates(BENT, seen, request)
+        return k.J, arm.body.rates(seen, request)
 
     return found
 

@@ -60,9 +60,10 @@ class Carrying:
         for j in range(self.world.n):
             self.loops.engage(j, float(self.world.q[j]))
             self.world.set_brake(j, closed=False)
-        self.memories = self.control.seed(self.world.q.copy())
+        self.memory = self.control.seed(self.world.q.copy())
         if not held:
-            self.memories = tuple(dataclasses.replace(m, held=None) for m in self.memories)
+            arms = tuple(dataclasses.replace(m, held=None) for m in self.memory.arms)
+            self.memory = self.memory._replace(arms=arms)
         self.time_s, self.command = 0.0, self.world.q.copy()
         self.outputs, self.truth, self.stopped = (), [], set()
         self.wrench_desired = np.zeros(6)
@@ -103,7 +104,7 @@ class Carrying:
         """One period of control and physics; `stick` is the twist (6,) of the MRF in World axes."""
         inputs = self.inputs_of_now(stick, intent, goal, blind)
         before = self.command
-        self.memories, self.outputs = self.control.tick(self.memories, inputs)
+        self.memory, self.outputs = self.control.tick(self.memory, inputs)
         assert [o.refusal for o in self.outputs] == [None] * len(self.outputs)
         self.command = np.concatenate([o.command for o in self.outputs])
         for j in range(self.world.n):

@@ -24,11 +24,11 @@ def each(run):
 def test_arms_let_go_of_each_other_at_rest_and_hold_together_again(run):
     task = run.control.joint.tasks[0]
     run.run(0.2, intent=Intent.HOLD)
-    run.memories = let_go(task, run.memories)
-    assert not run.control.joint.on(run.memories, run.inputs_of_now())
+    run.memory = let_go(task, run.memory)
+    assert not task.on(run.memory.arms)
     assert run.tick(intent=Intent.HOLD)[0].held is None
     run.run(0.2, intent=Intent.HOLD)
-    run.memories = held_together(task, run.memories, each(run))
+    run.memory = held_together(task, run.memory, each(run))
     force, _, place = run.run(0.5, SIDEWAYS)
     assert all(output.held.task == "beam" for output in run.outputs)
     assert place[-1][1] - place[0][1] > 0.01
@@ -38,10 +38,10 @@ def test_arms_let_go_of_each_other_at_rest_and_hold_together_again(run):
 def test_nothing_jumps_when_arms_hold_together(run):
     task = run.control.joint.tasks[0]
     run.run(0.2, intent=Intent.HOLD)
-    run.memories = let_go(task, run.memories)
+    run.memory = let_go(task, run.memory)
     run.run(0.05, intent=Intent.HOLD)
     before = run.tick(intent=Intent.HOLD)
-    run.memories = held_together(task, run.memories, each(run))
+    run.memory = held_together(task, run.memory, each(run))
     after = run.tick(intent=Intent.HOLD)
     for b, a in zip(before, after, strict=True):
         np.testing.assert_allclose(a.q, b.q, atol=1e-9)
@@ -51,17 +51,17 @@ def test_arms_in_motion_neither_take_hold_nor_let_go(run):
     run.run(0.3, SIDEWAYS)
     task = run.control.joint.tasks[0]
     with pytest.raises(HoldRefused, match="left moves"):
-        let_go(task, run.memories)
+        let_go(task, run.memory)
     with pytest.raises(HoldRefused, match="left moves"):
-        held_together(task, run.memories, each(run))
+        held_together(task, run.memory, each(run))
 
 
 def test_grasps_that_do_not_fit_hold_nothing_together(run):
     task, q = run.control.joint.tasks[0], each(run)
-    run.memories = let_go(task, run.memories)
+    run.memory = let_go(task, run.memory)
     q[1] = q[1] + [0.05, 0, 0, 0, 0, 0, 0]
     with pytest.raises(HoldRefused, match=r"\d+ mm from fitting each other: at most 20 mm"):
-        held_together(task, run.memories, q)
+        held_together(task, run.memory, q)
 
 
 def test_a_cell_whose_grasps_do_not_fit_at_the_start_is_one_line(tmp_path):
@@ -76,7 +76,7 @@ def test_a_cell_whose_grasps_do_not_fit_at_the_start_is_one_line(tmp_path):
 def test_grasps_are_taken_where_arms_are_while_drives_are_off(run):
     q = each(run)
     run.tick(intent=Intent.SEED)
-    views = [memory.held.T_wrist_payload for memory in run.memories]
+    views = [memory.held.T_wrist_payload for memory in run.memory.arms]
     places = [
         arm.mechanism.pose_wrist(own) @ view
         for arm, own, view in zip(run.control.arms, q, views, strict=True)

@@ -174,10 +174,8 @@ def test_a_cell_says_what_the_null_space_is_for(pa10, start):
     found = redundancy_of(p, pa10.mechanism).objectives
     assert found.gains == OFF | {"posture": 2.0, "reflex": 1.0}
     np.testing.assert_array_equal(found.posture, pa10.posture("park"))
-    assert (
-        Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))[0].objectives
-        is not None
-    )
+    seeded = Control([ArmControl(p, pa10.mechanism)]).seed(pa10.posture("ready"))
+    assert seeded.arms[0].objectives is not None
 
 
 def test_six_joints_have_nothing_spare(ur5e, start):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.server.control.spatial import Motion
-from telerobot.server.control.stop.limiter import Limited, Limiter
+from telerobot.server.control.stop.limiter import Commanded, Limiter
 from telerobot.server.control.stop.trajectory import VelocityPlanner
 
 from ..bounds import bounded
@@ -265,14 +265,17 @@ def test_joints_get_there_together_at_first_and_then_each_as_soon_as_it_can():
     np.testing.assert_allclose(along, along[0], rtol=1e-9)
 
 
-def test_several_arms_can_be_had_one_by_one_of_what_is_limited():
+def test_what_each_arm_was_told_can_be_had_of_what_all_were():
     limited, _ = tried(WISH, 0)
-    limited = limited._replace(stopped=True, worsened=True)
-    one = limited.of(slice(1, 3))
-    assert (one.stopped, one.worsened) == (True, True)
+    start = np.arange(4.0)
+    told = Commanded.at_rest(start).followed_by(limited)
+    one = told.of(slice(1, 3))
     np.testing.assert_array_equal(one.motion.q, limited.motion.q[1:3])
     np.testing.assert_array_equal(one.stop.low, limited.stop.low[1:3])
-    assert Limited(limited.motion, limited.stop, False).worsened is False
+    newest, before, first = one.sent
+    np.testing.assert_array_equal(newest, limited.motion.q[1:3])
+    np.testing.assert_array_equal(before, start[1:3])
+    np.testing.assert_array_equal(first, start[1:3])
 
 
 @pytest.mark.parametrize("least", range(4))

@@ -66,39 +66,16 @@ def test_the_stop_of_what_stands_is_over_and_stays_where_it_is():
     assert stop.at(2.0).stands()
 
 
-@pytest.mark.parametrize("rest_first", [False, True])
-def test_stops_of_several_arms_are_one_and_each_can_be_had_of_it(rest_first):
-    rest = Stop.at_rest(np.array([0.1, 0.2])).advanced(0.1)
-    each = [moving(0.5, -0.3, since_s=0.1), moving(0.1, 0.2, -0.6, since_s=0.1)]
-    each.insert(0 if rest_first else 1, rest)
-    whole, first = Stop.of_all(each), 0
-    assert whole.duration_s == max(stop.duration_s for stop in each)
-    assert whole.elapsed_s == 0.1
-    for stop in each:
-        part = slice(first, first + len(stop.low))
-        own, first = whole.of(part), part.stop
+def test_the_stop_of_each_arm_can_be_had_of_that_of_all():
+    whole = moving(0.5, -0.3, 0.1, 0.2, -0.6, since_s=0.1)
+    for part in (slice(0, 2), slice(2, 5)):
+        own = whole.of(part)
         assert (own.duration_s, own.elapsed_s) == (whole.duration_s, 0.1)
-        np.testing.assert_array_equal(own.low, stop.low)
-        np.testing.assert_array_equal(own.high, stop.high)
+        np.testing.assert_array_equal(own.low, whole.low[part])
+        np.testing.assert_array_equal(own.high, whole.high[part])
         for t in (0.0, 0.1, 0.3, 1.0):
-            for found, wanted in zip(own.at(t), stop.at(t), strict=True):
+            for found, wanted in zip(own.at(t), whole.at(t).of(part), strict=True):
                 np.testing.assert_array_equal(found, wanted)
-            for found, wanted in zip(whole.at(t).of(part), stop.at(t), strict=True):
-                np.testing.assert_array_equal(found, wanted)
-    assert first == len(whole.low)
-
-
-def test_of_one_arm_alone_nothing_is_copied():
-    stop = moving(0.5)
-    assert Stop.of_all([stop]) is stop
-    assert Motion.of_all([stop.start]) is stop.start
-
-
-def test_motions_of_several_arms_are_one_after_the_other():
-    each = [moving(0.5, 0.1).at(0.1), moving(0.2).at(0.1)]
-    whole = Motion.of_all(each)
-    for found, (one, other) in zip(whole, zip(*each, strict=True), strict=True):
-        np.testing.assert_array_equal(found, [*one, *other])
 
 
 def test_each_arm_arrives_on_its_own_and_those_of_a_group_always_together():

@@ -11,6 +11,7 @@ from telerobot.server.control.axes import FREE_TIME_S, HeldAxes, holding
 from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, PathGoal
 from telerobot.server.control.spatial import Pose, rotation_exp
+from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.control.task.position import Position
 from telerobot.server.control.tick import Control
 
@@ -73,7 +74,7 @@ def test_position_control_asks_nothing_along_a_free_axis(pa10, start):
     run.set(held=holding(("x", "rz")))
     goal = goal_of(run, (0.1, 0.05, 0.0), (0.0, 0.2, 0.5))
     for _ in range(50):
-        k = pa10.mechanism.kinematics(run.memory.motion.q, run.settings.T_wrist_mrf)
+        k = pa10.mechanism.kinematics(run.memory.commanded.motion.q, run.settings.T_wrist_mrf)
         output, R = run.tick(goal=goal), k.T_world_mrf.R
         asked = np.concatenate(
             [
@@ -93,8 +94,8 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     along = np.concatenate([k.T_world_mrf.R @ np.array([3.0 * most, 0.0, 0.05]), np.zeros(3)])
     inputs = Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True)
     request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), held=held)
-    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7))
-    found = arm.resolved(q, {"joystick": along}, request, seen)
+    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7), Commanded.at_rest(q))
+    found = arm.resolved({"joystick": along}, request, seen)
     assert found.scale == 1.0
     assert found.limits == ()
     for twist in (found.twist, held.part(k.J @ found.dq)):
@@ -168,10 +169,10 @@ def test_the_place_of_another_mrf_stands_while_the_tool_turns_about_it(pa10, sta
 def test_barriers_spare_the_path_of_what_is_held_alone(pa10):
     """Before the programme: of the tool's path there is left what the task holds of it."""
     arm, q = pa10.control.arms[0], pa10.posture("ready")
-    (memory,) = pa10.control.seed(q)
+    told = pa10.control.seed(q)
     settings = replace(pa10.settings, held=holding(("y", "rx")))
     inputs = Inputs(0.0, Intent.MOVE, q, settings)
-    memory, seen, wanted = arm.solve(memory, inputs)
+    memory, seen, wanted = arm.solve(told.arms[0], told.commanded, inputs)
     before = arm.before_barriers(memory, inputs, seen, wanted, True)
     R = np.kron(np.eye(2), seen.kinematics.T_world_mrf.R)
     expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ seen.kinematics.J
