@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..control.compiled import evolve
+from ..control.compiled import MATRIX, NUMBER, TABLE, VECTOR, compiled, evolve, record
 from ..control.inputs import Pushed
 from ..control.mechanism.model import Dynamics
 from ..control.scene import Body
@@ -19,7 +19,6 @@ from ..control.spatial import (
     right_jacobian,
     rotation_exp,
     rotation_log,
-    sizes,
     vector_rate,
 )
 
@@ -145,6 +144,8 @@ class CollisionDetector:
         self._dying = math.exp(-period_s / CHATTER_S)
         self._confirm_s = confirm_s
         self._period_s = period_s
+        self._nothing = (np.zeros((6, len(bound))), np.zeros(6), np.zeros(6), np.zeros(6))
+        """A load that is none, as `_feel` takes it."""
 
     def measure(
         self,
@@ -177,36 +178,30 @@ class CollisionDetector:
         rate, rate_before = (q - q1) / step_s, (q1 - q2) / before_s
         dq = (before_s * rate + step_s * rate_before) / (step_s + before_s)
         ddq = 2.0 * (rate - rate_before) / (step_s + before_s)
-        needed = self.dynamics.torque(q1, dq, ddq)
-        accelerating = needed - self.dynamics.torque(q1, dq, np.zeros(len(q)))
-        chatter = np.zeros(len(q))
-        certain = np.minimum(np.maximum(dq / SLOW, -1.0), 1.0)
-        # A drive reports the mean of the period before: two of them lie about the instant of q̈.
-        external = needed + self._friction * certain - 0.5 * (tau + state.tau)
-        excused = self._doubt * np.abs(accelerating) + self._friction * (1.0 - np.abs(certain))
+        still = np.zeros(len(q))
+        needed, resting = self.dynamics.torque(q1, dq, ddq), self.dynamics.torque(q1, dq, still)
         if load is not None and state.load is not None:
-            J, change = self.dynamics.sensor_jacobian(q1), load.wrench - state.load.wrench
-            external += (
-                state.load.wrench + _part_until_then(state.load, load, step_s) * change
-            ) @ J
-            excused += np.abs(change @ J)
-            if doubt is not None:
-                excused += _doubted(doubt, load.wrench, J)
-            if sizes(load.jump)[0] > NOISE:
-                chatter = CHATTER * np.abs(load.jump @ J)
-            if state.chatter is not None:
-                chatter = np.maximum(chatter, self._dying * state.chatter)
-        external = self._smoothed(state.external, external)
-        excused = self._smoothed(state.excused, excused)
-        beyond = bool((np.abs(external) > self._bound + excused + chatter).any())
+            J = self.dynamics.sensor_jacobian(q1)
+            until = _part_until_then(state.load, load, step_s)
+            carried, dying = (J, state.load.wrench, load.wrench, load.jump), self._dying
+        else:
+            carried, until, dying = self._nothing, 0.0, 0.0
+        # From nothing at first: brakes that open leave the drives' torques upset.
+        earlier = (state.external, state.excused, state.chatter)
+        before = tuple([still if x is None else x for x in earlier])
+        external, excused, chatter = felt = np.empty((3, len(q)))
+        beyond = _feel(
+            (needed, resting, dq, tau, state.tau),
+            (*carried, until),
+            (0.0, 0.0, 0.0) if doubt is None else doubt[:],
+            before,
+            (self._friction, self._bound, self._doubt, self._smoothing, dying),
+            felt,
+        )
         lasting_s = state.lasting_s + T if beyond else 0.0
         return DetectorState(
             (q, q1), tau, load, external, excused, chatter, lasting_s, time_s, step_s
         )
-
-    def _smoothed(self, before: Array | None, now: Array) -> Array:
-        """Low-pass, from nothing at first: brakes that open leave the drives' torques upset."""
-        return self._smoothing * now + (0.0 if before is None else (1.0 - self._smoothing) * before)
 
     def touched(self, state: DetectorState) -> JointContact | None:
         """Return which joint is pushed most, against its bound, if one is for long enough."""
@@ -232,14 +227,59 @@ def _part_until_then(before: SensorLoad, now: SensorLoad, step_s: float) -> floa
     return min(1.0, max(0.0, before.lag_s / between_s)) if between_s > 0.0 else 0.0
 
 
-def _doubted(doubt: LoadUncertainty, wrench: Array, J: Array) -> Array:
-    """Return the joint torques (n,) [N·m] that a doubtful wrench (6,) may be off by."""
-    force, moment = sizes(wrench)
-    arms = np.sqrt((J.reshape(2, 3, -1) ** 2).sum(axis=1))
-    turned = 2.0 * math.sin(0.5 * doubt.angle)
-    return np.asarray(
-        (doubt.force + turned * force) * arms[0] + (doubt.moment + turned * moment) * arms[1]
-    )
+@compiled(
+    record(*5 * (VECTOR,)), record(MATRIX, *3 * (VECTOR,), NUMBER), record(*3 * (NUMBER,)),
+    record(*3 * (VECTOR,)), record(VECTOR, VECTOR, *3 * (NUMBER,)), TABLE,
+)  # fmt: skip
+def _feel(
+    motion: tuple[Array, ...],
+    carried: tuple[Any, ...],
+    doubt: tuple[float, float, float],
+    before: tuple[Array, ...],
+    known: tuple[Any, ...],
+    felt: Array,
+) -> bool:
+    """Write external torque, what is excused and chatter (3, n) [N·m]; return whether any is felt.
+
+    `motion` is the torques (n,) that it needs, and needs without acceleration, its rates, and the
+    drives' torques now and before; `carried` the Jacobian (6, n) of a load, the load one tick ago
+    and now, its jump (6,), and which part of its change was over; `doubt` that of the load;
+    `before` the same as `felt`, one tick ago; `known` friction and bound (n,) and three parts.
+    """
+    needed, resting, dq, tau, tau_before = motion
+    J, load_before, load, jump, until = carried
+    off_n, off_nm, angle = doubt
+    friction, bound, part, smoothing, dying = known
+    turned = 2.0 * math.sin(0.5 * angle)
+    force = math.sqrt(load[0] * load[0] + load[1] * load[1] + load[2] * load[2])
+    moment = math.sqrt(load[3] * load[3] + load[4] * load[4] + load[5] * load[5])
+    jumped = math.sqrt(jump[0] * jump[0] + jump[1] * jump[1] + jump[2] * jump[2]) > NOISE
+    found = False
+    for j in range(len(needed)):
+        certain = min(max(dq[j] / SLOW, -1.0), 1.0)
+        # A drive reports the mean of the period before: two of them lie about the instant of q̈.
+        external = needed[j] + friction[j] * certain - 0.5 * (tau[j] + tau_before[j])
+        excused = part * abs(needed[j] - resting[j]) + friction[j] * (1.0 - abs(certain))
+        pushed = changed = shaken = 0.0
+        arm_m = arm_1 = 0.0
+        for i in range(6):
+            change = load[i] - load_before[i]
+            pushed += (load_before[i] + until * change) * J[i, j]
+            changed += change * J[i, j]
+            shaken += jump[i] * J[i, j]
+            if i < 3:
+                arm_m += J[i, j] * J[i, j]
+            else:
+                arm_1 += J[i, j] * J[i, j]
+        external += pushed
+        excused += abs(changed) + (off_n + turned * force) * math.sqrt(arm_m)
+        excused += (off_nm + turned * moment) * math.sqrt(arm_1)
+        chatter = max(CHATTER * abs(shaken) if jumped else 0.0, dying * before[2][j])
+        felt[0, j] = smoothing * external + (1.0 - smoothing) * before[0][j]
+        felt[1, j] = smoothing * excused + (1.0 - smoothing) * before[1][j]
+        felt[2, j] = chatter
+        found = found or abs(felt[0, j]) > bound[j] + felt[1, j] + chatter
+    return found
 
 
 # --- Tracking filter of a moving frame, from news that is late, seldom and noisy. Pure ------------

@@ -603,7 +603,7 @@ class UnchangingForce:
         """Bring what was measured at another MRF, in the Wrist, to that of now."""
         before, now = self._T_wrist_mrf, output.T_wrist_mrf
         self._T_wrist_mrf = now
-        if before is None or np.array_equal(before.p, now.p):
+        if before is now or before is None or np.array_equal(before.p, now.p):
             return
         lever = output.T_world_mrf_measured.R @ now.R.T @ (before.p - now.p)
         for wrench in (self._learned, *self._newest, *self._blocks):
