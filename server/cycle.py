@@ -149,7 +149,6 @@ class Cycle:
         )
         self._telemetry = Telemetry(describe(cell), link, events)
         log = FlightLog(timing.period_s, len(units.each), clock.wall_ns)
-        log.taps.append(self._telemetry.publish_tick)
         self._unwell: Mapping[str, Trouble] = {}
         """What was wrong a tick ago with devices that stop nothing."""
         self.flight = Flight(log, events, box)
@@ -164,6 +163,10 @@ class Cycle:
     def following_error(self) -> Array | None:
         """How far all joints (n,) are behind their commands [rad]; None before the first tick."""
         return self.units.following_error
+
+    def publish_ticks(self) -> None:
+        """Tell on the network what each tick looked at and decided, while somebody listens."""
+        self.flight.log.taps.append(self._telemetry.publish_tick)
 
     def boot(self) -> None:
         """Configure every device; blocks. Raises `DeviceError`."""

@@ -127,6 +127,7 @@ def _run(
         box = BlackBox(folder, cell.config.name, to_text(cell), facts)
     cycle = build(cell, open_buses(cell, clock.now), link, clock, random_key, box)
     cycle.events.taps.append(log.take)
+    cycle.publish_ticks()
     try:
         cycle.warm_up()
         for notice in prepare():

@@ -424,6 +424,8 @@ class FlightLog:
         self.rows: deque[KeptTick] = deque(maxlen=max(KEY_EVERY, round(SECONDS / period_s)))
         self.taps: list[Callable[[KeptTick], None]] = []
         """Called with every row."""
+        self.boxed = True
+        """Rows are kept for a black box; without one they are made for `taps` alone."""
         self._wall_ns = wall_ns
         self._packers = [InputsPacker() for _ in range(arms)]
         self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
@@ -444,8 +446,10 @@ class FlightLog:
     ) -> None:
         """Keep one tick: what it began with, looked at of each arm, ended with and decided.
 
-        A tick that raised has neither `after` nor `outputs`.
+        A tick that raised has neither `after` nor `outputs`. What nobody is to have is not packed.
         """
+        if not (self.boxed or self.taps):
+            return
         goes_on, self._next = memory is self._next, after
         self._count += 1
         try:
@@ -570,6 +574,7 @@ class Flight:
 
     def __init__(self, log: FlightLog, events: Events, box: BlackBox | None = None) -> None:
         self.log, self._events, self._box = log, events, box
+        log.boxed = box is not None
         self._mode = Mode.BOOT
         self._due: tuple[str, int] | None = None
         """Kind and tick of the file that is to be written."""

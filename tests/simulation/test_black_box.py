@@ -56,6 +56,21 @@ def test_a_black_box_replays_to_the_last_bit_and_goes_beyond_the_fault(flight):
     assert modes[-1][0] > fault.time_s + 0.3
 
 
+def test_ticks_are_packed_for_a_box_or_for_who_taps_them_and_for_nobody_else(pa10):
+    simulation = Simulation(pa10, Script.model_validate({"duration_s": 1.0, "step": []}))
+    log, taken = simulation.cycle.flight.log, []
+    simulation.cycle.boot()
+    for _ in range(3):
+        simulation.step()
+    assert not log.rows
+    log.taps.append(taken.append)
+    for _ in range(3):
+        simulation.step()
+    simulation.close()
+    assert taken == list(log.rows)
+    assert [row.memory is not None for row in taken] == [True, False, False]
+
+
 def test_the_tick_that_raised_is_the_last_one_in_the_box(pa10, tmp_path, monkeypatch):
     whole, ticks = Control.tick, []
 
