@@ -213,6 +213,8 @@ class Telemetry:
         self._link, self._events = link, events
         self._description = description
         self._describe_every = max(1, round(DESCRIBE_EVERY_S / description.period_s))
+        self._described = False
+        """Somebody listened to descriptions a tick ago."""
 
     def publish_events(self) -> None:
         """Send the events since the last call."""
@@ -234,7 +236,8 @@ class Telemetry:
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
         """Send a tick's state, forces for handles, obstacles, and now and then the description.
 
-        What nobody listens to is not computed either.
+        What nobody listens to is not computed either. The first who listens has the description
+        at once, others within `DESCRIBE_EVERY_S`.
         """
         heard = self._link.heard
         if heard(STATE) and (state := snapshot(record, units, admission)) is not None:
@@ -249,7 +252,8 @@ class Telemetry:
         if heard(HELD):
             for news in units.obstacles.told(record.tick):
                 self._link.publish(HELD, news)
-        if record.tick % self._describe_every == 0 and heard(DESCRIPTION):
+        before, self._described = self._described, heard(DESCRIPTION)
+        if self._described and (not before or record.tick % self._describe_every == 0):
             self._link.publish(DESCRIPTION, self._description)
 
 
