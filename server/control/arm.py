@@ -147,7 +147,6 @@ def sample_of(inputs: Inputs) -> SensorReading:
 
 
 def context_of(
-    dq: Array,
     off_path: Array | None,
     told: WristMemory,
     inputs: Inputs,
@@ -157,9 +156,8 @@ def context_of(
 ) -> Context:
     """Return what the sources see.
 
-    Joints are commanded to go at `dq` (n,) [rad/s], the virtual link has the tool `off_path` (3,)
-    [m], `told` is what the sensor of the `wrist` told. `lever` (3,) leads from the MRF to where it
-    was at start [m].
+    The virtual link has the tool `off_path` (3,) [m], `told` is what the sensor of the `wrist`
+    told. `lever` (3,) leads from the MRF to where it was at start [m].
     """
     moved, k, moving = inputs.moved, seen.kinematics, inputs.intent is Intent.MOVE
     return Context(
@@ -167,7 +165,7 @@ def context_of(
         moving=moving,
         guided=moving and inputs.posture is None and inputs.jog is None,
         k=k,
-        twist=k.J.dot(dq),
+        twist=k.J.dot(seen.commanded.motion.dq),
         lever=lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
@@ -210,9 +208,6 @@ def _in_world(inputs: Inputs, T: Pose | None) -> Pose | None:
 
 
 # --- One arm --------------------------------------------------------------------------------------
-
-SLID = 0.99
-"""A tool that does less than this part of what its path does has been turned off it [1]."""
 
 LATELY = 0.9
 """Share that is left after a tick of the greatest acceleration that the tool was told [1]."""
@@ -318,7 +313,7 @@ class Arm:
             k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded, wrench,
             hand, placed, near, base,
         )  # fmt: skip
-        context = context_of(motion.dq, task.off_path, wrist, inputs, seen, self.wrist, lever)
+        context = context_of(task.off_path, wrist, inputs, seen, self.wrist, lever)
         whole = self._whole(inputs, motion.q, k, objectives)
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
@@ -666,11 +661,10 @@ class Arm:
         k: Kinematics,
     ) -> TaskMemory:
         """Return the task's next memory; the tool did `scale` of what was asked, a path `pace`."""
-        share = 0.0 if stopped else scale
-        granted = Granted(
-            share, 0.0 if stopped else pace, scale < SLID * pace, asked.twist, k.T_world_mrf
+        granted = Granted.of(scale, pace, asked.twist, k.T_world_mrf, stopped=stopped)
+        off_path = advance_offset(
+            memory.off_path, asked.found.give_way, granted.share * self.p.period_s
         )
-        off_path = advance_offset(memory.off_path, asked.found.give_way, share * self.p.period_s)
         return self.task.advanced(memory, granted, off_path)
 
     def _at_goal(self, memory: ArmMemory, inputs: Inputs, q: Array) -> bool:

@@ -29,74 +29,6 @@ from ..task.source import Granted
 from ..task.task import Task, TaskMemory
 from .forces import SLIPPED_S, AtFault, GivingWay, Grasping, Grips, Moving, Told, light_s, weighed
 
-# --- The common twist of a shared MRF: the sources of a joint task, asked as those of one arm -----
-
-AT_EACH_GRASP = ("force", "following")
-"""Sources that do not act at the shared MRF."""
-
-SLID = 0.99
-"""A payload that does less than this part of what its path does has been turned off it [1]."""
-
-
-class Common:
-    """The sources of one joint task."""
-
-    def __init__(self, section: JointTaskSection, first: Arm, p_wrist_mrf: Array) -> None:
-        """Build them; the `first` arm's Wrist has the MRF at `p_wrist_mrf` (3,) at start."""
-        self._task = Task(section.sources, section.schedules, first.p.shaping)
-        self._wrist, self._p_wrist_mrf = first.wrist, p_wrist_mrf
-        self.idle = self._task.idle
-
-    def summed(
-        self,
-        memory: TaskMemory,
-        first: ArmMemory,
-        told: Inputs,
-        wrist: WristMemory,
-        seen: ArmMeasurement,
-        T_world_mrf: Pose,
-    ) -> tuple[TaskMemory, dict[str, Array]]:
-        """Return the task's memory and the twists (6,) of its sources, at the mean MRF.
-
-        They are asked as those of one arm would be, whose Wrist is where the first one's would be
-        if all views agreed.
-        """
-        mrf = told.settings.T_wrist_mrf
-        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, seen.kinematics.J)
-        moving = told.intent is Intent.MOVE
-        since_s = first.moving_since_s if first.moving_since_s is not None else told.time_s
-        memory = self._task.tuned(
-            memory,
-            told.settings.gains,
-            lambda: quantities(wrist, told, there, told.time_s - since_s),
-            moving,
-            told.settings.at_once,
-        )
-        seen = seen._replace(kinematics=there, wrench=None, hand=None)
-        context = context_of(
-            seen.commanded.motion.dq, None, wrist, told, seen,
-            self._wrist, there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p),
-        )  # fmt: skip
-        all_gains = memory.gains
-        common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
-        memory, twists = self._task.twists(memory._replace(gains=common), context)
-        return memory._replace(gains=all_gains), twists
-
-    def advanced(
-        self, memory: TaskMemory, twist: Array, T_world_mrf: Pose, first: Output, pace: float
-    ) -> TaskMemory:
-        """Return the memory after a tick in which the `first` arm did what its output says.
-
-        `twist` (6,) was asked for; a path may go on at a part `pace` (0 to 1) of its own speed.
-        """
-        stopped = "verified_stop" in first.limits
-        share = 0.0 if stopped else first.scale
-        granted = Granted(
-            share, 0.0 if stopped else pace, first.scale < SLID * pace, twist, T_world_mrf
-        )
-        return self._task.advanced(memory, granted)
-
-
 # --- Results of a joint task in one tick: for each of its arms, and for all -----------------------
 
 
@@ -274,6 +206,10 @@ class _Of(NamedTuple):
     held: GraspState
 
 
+AT_EACH_GRASP = ("force", "following")
+"""Sources that do not act at the shared MRF."""
+
+
 class JointTask:
     """The control computation of one task that several arms hold."""
 
@@ -290,7 +226,8 @@ class JointTask:
         self._T_payload_wrist = nominal[0].inverse()
         self.at_fault = AtFault(section, self.arms, nominal)
         self.grips = Grips(section.name, self.arms, nominal, self.arms[0].p.period_s)
-        self._common = Common(section, self.arms[0], nominal[0].p)
+        self._task = Task(section.sources, section.schedules, self.arms[0].p.shaping)
+        self._p_wrist_mrf = nominal[0].p
         self._giving_way = GivingWay(section, self.arms)
 
     @classmethod
@@ -330,10 +267,7 @@ class JointTask:
         T_payload_mrf = self._T_payload_wrist @ told.settings.T_wrist_mrf
         each, mean = self._seen(memories, commanded, inputs, told, T_payload_mrf)
         T_world_mrf, first = mean @ T_payload_mrf, each[0]
-        shared, twists = self._common.summed(
-            first.held.shared or self._common.idle,
-            first.before, told, first.wrist, first.seen, T_world_mrf,
-        )  # fmt: skip
+        shared, twists = self._summed(first, told, T_world_mrf)
         twist = sum(twists.values(), np.zeros(6))
         views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
         known = first.held.weighed
@@ -395,9 +329,12 @@ class JointTask:
 
         A path may go on at a part `pace` (0 to 1) of its own speed.
         """
-        shared = self._common.advanced(
-            together.shared, together.twist, together.T_world_mrf, outputs[0], pace
-        )
+        first = outputs[0]
+        granted = Granted.of(
+            first.scale, pace, together.twist, together.T_world_mrf,
+            stopped="verified_stop" in first.limits,
+        )  # fmt: skip
+        shared = self._task.advanced(together.shared, granted)
         held = memories[0].held
         nexts = list(memories)
         if held is not None:
@@ -427,6 +364,32 @@ class JointTask:
         return nexts, found
 
     # --- its steps ---------------------------------------------------------------------------
+
+    def _summed(
+        self, first: _Of, told: Inputs, T_world_mrf: Pose
+    ) -> tuple[TaskMemory, dict[str, Array]]:
+        """Return the task's memory and the twists (6,) of its sources, at the mean MRF.
+
+        They are asked as those of one arm would be, whose Wrist is where the first one's would be
+        if all views agreed.
+        """
+        mrf, moving, before = told.settings.T_wrist_mrf, told.intent is Intent.MOVE, first.before
+        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, first.seen.kinematics.J)
+        since_s = before.moving_since_s if before.moving_since_s is not None else told.time_s
+        memory = self._task.tuned(
+            first.held.shared or self._task.idle,
+            told.settings.gains,
+            lambda: quantities(first.wrist, told, there, told.time_s - since_s),
+            moving,
+            told.settings.at_once,
+        )
+        seen = first.seen._replace(kinematics=there, wrench=None, hand=None)
+        lever = there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p)
+        context = context_of(None, first.wrist, told, seen, self.arms[0].wrist, lever)
+        all_gains = memory.gains
+        common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
+        memory, twists = self._task.twists(memory._replace(gains=common), context)
+        return memory._replace(gains=all_gains), twists
 
     def _seen(
         self,

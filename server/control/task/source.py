@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Final, Generic, NamedTuple, Self, TypeVar
 
 from ..axes import HeldAxes
 from ..inputs import Goal, Inputs
@@ -112,6 +112,10 @@ class Redefined(NamedTuple):
     """The sum may jump: more is new than the point of the tool that is led."""
 
 
+SLID: Final = 0.99
+"""A tool that does less than this part of what its path does has been turned off it [1]."""
+
+
 class Granted(NamedTuple):
     """How much of one tick's asked motion was let through."""
 
@@ -124,6 +128,17 @@ class Granted(NamedTuple):
     twist: Array
     """The sum that was asked for (6,)."""
     T_world_mrf: Pose
+
+    @classmethod
+    def of(
+        cls, scale: float, pace: float, twist: Array, T_world_mrf: Pose, *, stopped: bool
+    ) -> Self:
+        """Return that of a tool that does `scale` of its motion, and a path `pace` of its own.
+
+        Once `stopped`, the joints go along their verified stop, and not as they were asked to.
+        """
+        share, on_path = (0.0, 0.0) if stopped else (scale, pace)
+        return cls(share, on_path, scale < SLID * pace, twist, T_world_mrf)
 
 
 class Source(ABC, Generic[State]):
