@@ -548,6 +548,8 @@ class Arm:
             memory.retreat, q, asked.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
             held_up,
         )  # fmt: skip
+        if held:
+            state, dq = self.retreat.yielded(state, dq, error, self.p.joints.leash)
         return state, asked if dq is asked.dq else asked._replace(dq=dq)
 
     def motion_commanded(self, twists: dict[str, Array], inputs: Inputs) -> bool:

@@ -118,6 +118,12 @@ RELIEVED_S = 0.5
 UNSEEN_S = 0.03
 """Contact began at most this long before force control relieved it [s]."""
 
+YIELDS = 0.5
+"""A joint that is pushed off its command by more than this part of its leash is yielded to [1]."""
+
+YIELD_GAIN = 20.0
+"""So quickly the command goes after it [1/s]."""
+
 ACROSS = 0.1
 """Bleeding off goes forward on the path where the cosine between them is above this [1]."""
 
@@ -148,7 +154,7 @@ class RetreatState(NamedTuple):
     rate: float = 0.0
     """Rate asked for [rad/s]."""
     off_path: bool = False
-    """The rate asked for leads off the way; then `way` goes along beside the command."""
+    """The rates asked for lead off the way; then `way` goes along beside the command."""
     shifted: bool = False
     """It ever did: the arm was never where `way` is now."""
     relieved_s: float | None = None
@@ -219,6 +225,27 @@ class Retreat:
         if self._stands is not None:
             way = np.where(self._stands, 0.0, way)
         return state._replace(q=q), dq + state.rate * way
+
+    def yielded(
+        self, state: RetreatState, dq: Array, error: Array, leash: Array
+    ) -> tuple[RetreatState, Array]:
+        """Return rates (n,) that let what holds joints far off their commands lead these on.
+
+        What comes on for longer than the arm goes back by itself pushes its joints against all
+        their torque. Their commands go where they are pushed, and no further: that takes no
+        estimate, and ends with the push. `error` (n,) is command − joint, `leash` (n,) its bound
+        [rad].
+        """
+        if state.q is None or self._bound:
+            return state, dq
+        beyond = np.maximum(np.abs(error) - YIELDS * leash, 0.0)
+        if self._stands is not None:
+            beyond = np.where(self._stands, 0.0, beyond)
+        if not beyond.any():
+            return state, dq
+        rate, ahead = YIELD_GAIN * beyond, np.sign(error)
+        dq = np.where(beyond > 0.0, -ahead * np.maximum(rate, -ahead * dq), dq)
+        return state._replace(off_path=True, shifted=True), dq
 
     def _remembered(
         self,
@@ -321,8 +348,8 @@ def _moved(state: RetreatState, q: Array) -> RetreatState:
     way, gone = state.way, 0.0
     if state.q is not None and state.rate > 0.0:
         gone = float(np.abs(q - state.q).max())
-        if state.off_path:
-            way = tuple(posture + (q - state.q) for posture in way)
+    if state.q is not None and state.off_path:
+        way = tuple(posture + (q - state.q) for posture in way)
     while way and _passed(way, q):
         way = way[:-1]
     passed = len(state.way) - len(way)

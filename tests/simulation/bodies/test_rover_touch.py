@@ -128,16 +128,26 @@ def sinking(run: Simulation, bridge: RigBridgeSection, *, farther_m: float) -> C
     return sink
 
 
-def test_a_beam_that_is_lowered_on_the_arm_is_given_way_to() -> None:
-    above = RigBridgeSection(height=1.45, distance=0.15, thickness=0.2)
-    run = rover(seconds=3.2, bridge=above)
-    run.on_tick = sinking(run, above, farther_m=0.03)
+@pytest.mark.parametrize(
+    ("farther_m", "at_m", "left"),
+    [(0.03, 0.15, False), (0.1, 0.15, False), (0.2, 0.15, True), (0.1, 0.0, False)],
+    ids=["a little", "far", "beyond the leash", "nearer to the shoulder"],
+)
+def test_a_beam_that_comes_down_on_the_arm_is_given_way_to_however_far(
+    farther_m: float, at_m: float, left: bool
+) -> None:
+    """From 5 cm on a drive faulted. Beyond the leash the arm is pushed on, and stays pressed."""
+    above = RigBridgeSection(height=1.45, distance=at_m, thickness=0.2)
+    run = rover(seconds=3.0 + 10.0 * farther_m, bridge=above)
+    run.on_tick = sinking(run, above, farther_m=farther_m)
     result = run.run()
     names = [event.name for event in run.events]
-    assert "touched" in names
-    assert "gave_way" in names
+    assert names.count("touched") == 1
+    assert "fault" not in names
+    assert ("still_pushed" if left else "gave_way") in names
     assert result.summary["mode"] == "hold"
-    assert not any(any(truth.contact_force) for truth in result.truths[-20:])
+    assert left or not any(any(truth.contact_force) for truth in result.truths[-20:])
+    assert np.abs(result.truths[-1].dq).max() < 0.01
     assert result.summary["limit_violations"] == 0
 
 
