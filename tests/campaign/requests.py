@@ -1,14 +1,14 @@
-"""Part `requests`: pairs of requests at every distance; mode and drives must agree afterwards.
+"""Part `requests`: requests at every distance; mode and drives must agree afterwards.
 
-One operator asks for two things, 0 to 20 periods apart, from every mode that lasts. The daemon
+One operator asks for some things, 0 to 20 periods apart, from every mode that lasts. The daemon
 takes requests once a period, so that a distance between two of these is one of them. Judged by the
 drives' own states, as the physics has them, and not by what telemetry says of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
+from hypothesis import strategies as st
 from telerobot.config.load import Cell, load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.requests import Reply
@@ -17,43 +17,62 @@ from telerobot.server.mode import Mode
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
+from . import drawn
+from .fuzz.outcome import Outcome
 from .part import Part, Selection
+from .runs import Runs
 
 Request = Literal[
     "enable", "disable", "hold", "resume", "reset", "protective_stop", "protective_clear",
     "release", "acquire",
 ]  # fmt: skip
-REQUESTS: tuple[Request, ...] = (
-    "enable", "disable", "hold", "resume", "reset", "protective_stop", "protective_clear",
-    "release", "acquire",
-)  # fmt: skip
-STARTS = (Mode.READY, Mode.ENABLED, Mode.HOLD, Mode.FAULT)
-APART = range(21)
-"""Periods between the two requests [1]."""
+Asked = tuple[Request, int]
+"""A request, and so many periods until the next one."""
+APART = 20
+"""Periods between two requests, at most [1]."""
+SCRIPTS = 5
+"""Scripts of one job [1]."""
+STARTS: dict[Mode, tuple[Request, ...]] = {
+    Mode.READY: ("acquire",),
+    Mode.ENABLED: ("acquire", "enable"),
+    Mode.HOLD: ("acquire", "enable", "hold"),
+    Mode.FAULT: ("acquire", "enable"),
+}
+"""Modes that scripts begin in, and what brings an arm there; to FAULT, before a drive fails."""
 TOLERATED = 2
 """An energised mode with a drive elsewhere lasts no longer than so many ticks [1]."""
 SETTLED_TICKS = 60
 """Ticks within which a request comes about, if it does: drives take some time [1]."""
 LONGEST_TICKS = 450
-"""Every request is answered by then, and every mode reached again [1]."""
+"""Every request is answered by then [1]."""
 _ON = "operation_enabled"
 
+SCRIPT = st.lists(
+    st.tuples(st.sampled_from(get_args(Request)), st.integers(0, APART)), min_size=1, max_size=8
+)
+"""What an operator asks for, one after the other."""
 
-@dataclass
-class Pair:
-    """Two requests, and what followed."""
 
-    start: Mode
-    first: Request
-    second: Request
-    apart: int
-    faults: list[str] = field(default_factory=list)
-    """Broken promises of the daemon."""
-
-    @property
-    def text(self) -> str:
-        """Return the case in a line."""
-        return f"{self.start}: {self.first}, {self.second} after {self.apart} ticks"
+def faults_of(cell: Cell, start: Mode, script: Sequence[Asked]) -> list[str]:
+    """Play a script from a mode on; return the broken promises of the daemon."""
+    asking = AskingOperator(cell)
+    try:
+        for request in STARTS[start]:
+            asking.ask(request)
+            asking.settle()
+        if start is Mode.FAULT:
+            asking.fail()
+        if asking.mode is not start:
+            return [f"cannot be brought to {start}: it is {asking.mode}"]
+        before = len(asking.simulation.events)
+        for request, apart in script:
+            asking.ask(request)
+            asking.run(apart)
+        asking.settle()
+        errors = [e for e in asking.simulation.events[before:] if e.severity == "error"]
+        return asking.faults + [f"fault: {event.detail}" for event in errors[:1]]
+    finally:
+        asking.close()
 
 
 class AskingOperator:
@@ -63,9 +82,9 @@ class AskingOperator:
         script = Script.model_validate({"duration_s": 3600, "auto_enable": False})
         self.simulation = Simulation(cell, script)
         self.simulation.cycle.boot()
+        self.faults: list[str] = []
         self._joint = cell.config.mechanism.drives[0].joint
         self._astray = 0
-        self._pair = Pair(Mode.READY, "enable", "enable", 0)
         self._open: list[str] = []
         self.run(5)
 
@@ -86,7 +105,7 @@ class AskingOperator:
             astray = self.mode.energised and any(state != _ON for state in self.drives)
             self._astray = self._astray + 1 if astray else 0
             if self._astray == TOLERATED + 1:
-                self._say(f"mode is {self.mode}, drives are {self._seen()}")
+                self.faults.append(f"mode is {self.mode}, drives are {self._seen()}")
 
     def ask(self, request: Request) -> None:
         """Ask for something; its answer is waited for by `settle`."""
@@ -109,140 +128,47 @@ class AskingOperator:
         else:
             client.request(t.MODE, answered, action=request)
 
-    def play(self, pair: Pair) -> Pair:
-        """Play a pair, and judge it; the arm is brought to where it starts before."""
-        self._pair, self._astray = pair, 0
-        if not self._reach(pair.start):
-            return pair
-        simulation = self.simulation
-        before = len(simulation.events)
-        del simulation.states[:-1], simulation.truths[:-1]
-        self.ask(pair.first)
-        self.run(pair.apart)
-        self.ask(pair.second)
+    def settle(self) -> None:
+        """Wait for all answers, and until what was asked has come about; judge it."""
         self.run(SETTLED_TICKS)
         for _ in range(LONGEST_TICKS):
             if not self._open:
                 break
             self.run(1)
         if self._open:
-            self._say(f"no answer to {', '.join(self._open)}")
-            self._open.clear()
-        self._judge(before)
-        return pair
+            self.faults.append(f"no answer to {', '.join(self._open)}")
+        if any((state == _ON) is not self.mode.energised for state in self.drives):
+            self.faults.append(f"settled in {self.mode} with drives {self._seen()}")
+
+    def fail(self) -> None:
+        """Let a drive fail, and the cause be gone."""
+        for on in (True, False):
+            self.simulation.rig.inject(RigFault(kind="fault", target=self._joint, on=on))
+            self.run(SETTLED_TICKS)
 
     def close(self) -> None:
         """End the simulation."""
         self.simulation.cycle.close()
         self.simulation.buses.hubs[0].close()
 
-    def _judge(self, before: int) -> None:
-        meant = self.mode.energised
-        if any((state == _ON) is not meant for state in self.drives):
-            self._say(f"settled in {self.mode} with drives {self._seen()}")
-        faults = [e.detail for e in self.simulation.events[before:] if e.severity == "error"]
-        if faults:
-            self._say(f"fault: {faults[0]}")
-
-    def _reach(self, mode: Mode) -> bool:
-        """Bring the arm to a mode by the operator's requests; return whether it came there."""
-        client = self.simulation.player.client
-        if self.simulation.states[-1].protective_stop:
-            self._ask_and_wait("protective_clear")
-        if client.secret is None or self.simulation.states[-1].lease_holder != client.name:
-            self._ask_and_wait("acquire")
-        if self.mode is Mode.FAULT and mode is not Mode.FAULT:
-            self._ask_and_wait("reset")
-        if mode is Mode.FAULT and self.mode is not Mode.FAULT:
-            self.simulation.rig.inject(RigFault(kind="fault", target=self._joint))
-            self.run(20)
-            self.simulation.rig.inject(RigFault(kind="fault", target=self._joint, on=False))
-            self.run(SETTLED_TICKS)
-        if mode is Mode.READY and self.mode.energised:
-            self._ask_and_wait("disable")
-        if mode.energised and self.mode in (Mode.READY, Mode.HOLD) and self.mode is not mode:
-            self._ask_and_wait("enable")
-        if mode is Mode.HOLD and self.mode is Mode.ENABLED:
-            self._ask_and_wait("hold")
-        if self.mode is not mode:
-            self._say(f"cannot be brought to {mode}: it is {self.mode}")
-        return self.mode is mode
-
-    def _ask_and_wait(self, request: Request) -> None:
-        self.ask(request)
-        for _ in range(LONGEST_TICKS):
-            self.run(1)
-            if not self._open:
-                break
-        self._open.clear()
-        self.run(SETTLED_TICKS)
-
     def _seen(self) -> str:
         return ", ".join(sorted(set(self.drives)))
 
-    def _say(self, fault: str) -> None:
-        self._pair.faults.append(fault)
+
+def _jobs(selection: Selection) -> list[tuple[str, Mode, int]]:
+    return [("pa10", start, seed) for seed in selection.seeds for start in STARTS]
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Every pair that begins with one request, in one mode."""
+def _play(job: tuple[str, Mode, int]) -> Outcome:
+    name, start, seed = job
+    cell, outcome = load_cell(name), Outcome(f"requests from {start}", seed)
 
-    start: str
-    first: str
-    played: int
-    faults: tuple[str, ...]
+    def judge(script: Sequence[Asked]) -> list[str]:
+        outcome.inputs["requests"] += len(script)
+        return faults_of(cell, start, script)
 
-    @property
-    def name(self) -> str:
-        """The run, in a few words."""
-        return f"requests {self.start} {self.first}"
-
-    @property
-    def reasons(self) -> list[str]:
-        """Broken promises."""
-        return list(self.faults[:5])
+    outcome.reasons = drawn.play(SCRIPT, judge, outcome.name, SCRIPTS)
+    return outcome
 
 
-class Agreement:
-    """Summary of all pairs."""
-
-    def __init__(self, every: Sequence[Pairs]) -> None:
-        self.every = every
-        self.played = sum(pairs.played for pairs in every)
-        self.faults = [fault for pairs in every for fault in pairs.faults]
-
-    @property
-    def kept(self) -> bool:
-        """True when mode and drives agreed always."""
-        return not self.faults
-
-    def figures(self) -> dict[str, object]:
-        """Return everything as plain values, for JSON."""
-        return {"pairs": self.played, "by_start": [asdict(pairs) for pairs in self.every]}
-
-    def lines(self) -> list[str]:
-        """Return the report for people."""
-        lines = [f"pairs of requests    {self.played}", *self.faults[:50]]
-        lines.append("modes and drives agree" if self.kept else f"{len(self.faults)} disagree")
-        return lines
-
-
-def _jobs(_selection: Selection) -> list[tuple[str, Mode, Request]]:
-    return [("pa10", start, first) for start in STARTS for first in REQUESTS]
-
-
-def _play(job: tuple[str, Mode, Request]) -> Pairs:
-    name, start, first = job
-    asking = AskingOperator(load_cell(name))
-    try:
-        played = [
-            asking.play(Pair(start, first, second, apart)) for second in REQUESTS for apart in APART
-        ]
-    finally:
-        asking.close()
-    faults = tuple(f"{pair.text}: {fault}" for pair in played for fault in pair.faults)
-    return Pairs(str(start), first, len(played), faults)
-
-
-ASKING = Part(_jobs, _play, Agreement)
+ASKING = Part(_jobs, _play, Runs[Outcome])

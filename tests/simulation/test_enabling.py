@@ -1,28 +1,17 @@
 """Modes and drives agree: ENABLED means that every drive is on, READY that none is."""
 
-import random
-
 import pytest
-from laboratory.campaign.requests import APART, REQUESTS, STARTS, AskingOperator, Pair
+from laboratory.campaign.part import Selection
+from laboratory.campaign.parts import PARTS
+from laboratory.campaign.requests import SETTLED_TICKS, faults_of
 from telerobot.protocols import topics as t
 from telerobot.server.mode import Mode
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
 ON = "operation_enabled"
-
-
-@pytest.fixture(scope="module")
-def asking(pa10):
-    asking = AskingOperator(pa10)
-    yield asking
-    asking.close()
-
-
-# The whole table of 6,804 pairs is played by `make campaign ARGS="--only requests"`.
-SAMPLE = random.Random(1997).sample(
-    [(start, a, b, k) for start in STARTS for a in REQUESTS for b in REQUESTS for k in APART], 12
-)
+JOBS = PARTS["requests"].jobs(Selection((), range(1)))
+"""A seed of those that `make campaign ARGS="--only requests"` plays."""
 
 
 @pytest.mark.parametrize(
@@ -35,11 +24,15 @@ SAMPLE = random.Random(1997).sample(
         (Mode.READY, "enable", "disable", 4),
         (Mode.READY, "enable", "protective_stop", 7),
         (Mode.FAULT, "reset", "enable", 1),
-        *SAMPLE,
     ],
 )
-def test_modes_and_drives_agree_whatever_two_things_are_asked(asking, start, first, second, apart):
-    assert asking.play(Pair(start, first, second, apart)).faults == []
+def test_modes_and_drives_agree_whatever_two_things_are_asked(pa10, start, first, second, apart):
+    assert faults_of(pa10, start, [(first, apart), (second, SETTLED_TICKS)]) == []
+
+
+@pytest.mark.parametrize("job", JOBS, ids=[str(start) for _, start, _ in JOBS])
+def test_modes_and_drives_agree_whatever_is_asked(job):
+    assert PARTS["requests"].play(job).reasons == []
 
 
 def test_enable_thirty_milliseconds_after_disable_ends_enabled_with_every_drive_on(play):

@@ -58,7 +58,7 @@ def play(seed: int) -> Outcome:
     try:
         simulation.run()
     except Exception as error:  # noqa: BLE001  that nothing is raised is what is tried
-        outcome.raised(error, "simulation")
+        outcome.reasons.append(outcome.raised(error, "simulation"))
         return outcome
     outcome.reasons += [
         f"{e.name} at {e.time_s:.2f} s: {e.detail}"

@@ -50,7 +50,7 @@ def play(seed: int) -> Outcome:
             except DeviceError:
                 outcome.inputs["devices refused"] += 1
             except Exception as error:  # noqa: BLE001  that nothing else is raised is what is tried
-                outcome.raised(error, what)
+                outcome.reasons.append(outcome.raised(error, what))
     return outcome
 
 

@@ -20,12 +20,12 @@ class Outcome:
         """Kind of inputs, and seed."""
         return f"{self.what} seed {self.seed}"
 
-    def raised(self, error: BaseException, what: str) -> None:
-        """Note an exception that something raised which had to refuse by name."""
+    def raised(self, error: BaseException, what: str) -> str:
+        """Return the words on an exception that something raised which had to refuse by name."""
         frame = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{frame.filename.rpartition('/')[2]}:{frame.lineno}"
         words = f"{type(error).__name__}: {error}".splitlines()[0][:120]
-        self.reasons.append(f"{what[:200]}: {where} raised {words}")
+        return f"{what[:200]}: {where} raised {words}"
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ the daemon's memory does not grow.
 """
 
 import time
+from itertools import cycle, islice
 from pathlib import Path
 
 from telerobot.config.load import load_cell
@@ -13,7 +14,8 @@ from telerobot.protocols.topics import Flow
 from telerobot.tools.client.operator import Operator, OperatorError
 from telerobot.tools.host.local_plant import ChildDied, LocalPlant
 
-from .inputs.stranger import Stranger
+from .. import drawn
+from .messages import of_strangers
 from .outcome import Outcome
 
 EVERY = 10
@@ -21,6 +23,8 @@ EVERY = 10
 CELL = "pa10_scene"
 FULL_S, SECONDS = 4.0, 6.0
 """The attack fills every ring of messages [s], and goes on for so long [s]."""
+DRAWN = 1000
+"""Messages that are drawn beforehand, and sent again and again [1]."""
 AT_ONCE = 40
 """Messages between two turns of the operator [1]."""
 START_S = 60.0
@@ -49,7 +53,8 @@ def play(seed: int) -> Outcome:
 
 def _attack(plant: LocalPlant, seed: int, outcome: Outcome) -> None:
     plant.wait(plant.answers, START_S, "the daemon does not listen")
-    stranger = Stranger(plant.cell, f"wire {seed}")
+    stream = drawn.stream(of_strangers(plant.cell), f"wire {seed}")
+    stranger = cycle([*islice(stream, DRAWN)])
     with Operator(plant.cell, name="honest") as operator:
         operator.spin(
             START_S, lambda: operator.state is not None and operator.state.mode == "ready"
@@ -65,13 +70,13 @@ def _attack(plant: LocalPlant, seed: int, outcome: Outcome) -> None:
             if before_mb is None and time.monotonic() > full_s:
                 before_mb = _resident_mb(plant)
             plant.raise_if_dead()
-            for _ in range(AT_ONCE):
-                said = stranger.draw(operator.client.seen_tick)
+            for said in islice(stranger, AT_ONCE):
+                payload = said.payload(operator.client.seen_tick)
                 outcome.inputs["messages on the wire"] += 1
                 if said.topic.flow is Flow.REQUEST:
-                    session.ask(said.topic, said.payload, _ignore, said.proof)
+                    session.ask(said.topic, payload, _ignore, said.proof)
                 else:
-                    session.put(*said)
+                    session.put(said.topic, payload, said.proof)
             session.poll()
             operator.turn()
         session.close()

@@ -1,8 +1,14 @@
 """A seeded sample of the campaign's part `fuzz`, and that its judges see what they are to see."""
 
+import contextlib
+import subprocess
+import sys
+from itertools import islice, pairwise
+
 import pytest
+from hypothesis import strategies as st
+from laboratory.campaign import drawn
 from laboratory.campaign.fuzz import bus, codec, files, network, wire
-from laboratory.campaign.fuzz.inputs.values import Values
 from laboratory.campaign.fuzz.outcome import Endurance, Outcome
 from laboratory.campaign.part import Selection
 from laboratory.campaign.parts import PARTS
@@ -46,13 +52,48 @@ def test_equal_seeds_draw_equal_inputs_and_the_command_runs_them_all():
 
 
 def test_every_message_can_be_drawn():
-    import random
+    left = {topic.key for topic in TOPICS}
+    for one in islice(drawn.stream(codec.PAYLOADS, "every"), 3000):
+        with contextlib.suppress(protocol_codec.CodecError):
+            protocol_codec.decode(one.topic, one.payload(1))
+            left.discard(one.topic.key)
+        if not left:
+            break
+    assert left == set()
 
-    values = Values(random.Random(1))
-    for topic in TOPICS:
-        given = {"seen_tick": 1} if topic.needs_proof else {}
-        drawn = [values.message(topic.message, **given) for _ in range(40)]
-        assert any(message is not None for message in drawn), topic.key
+
+def test_what_fails_is_shrunk_to_its_cause_and_each_time_to_the_same():
+    """Of up to a hundred numbers two that are one too far apart, and the second the larger one."""
+    judged = []
+
+    def judge(numbers):
+        judged.append(numbers)
+        return ["fell"] if any(b - a > 500 for a, b in pairwise(numbers)) else []
+
+    numbers = st.lists(st.integers(0, 1000), min_size=1, max_size=100)
+    found, again = (drawn.play(numbers, judge, "seven", 50) for _ in range(2))
+    assert found == ["fell", "the least: fell; by [0, 501]"]
+    assert again == found
+    assert judged[: len(judged) // 2] == judged[len(judged) // 2 :]
+    assert max(map(len, judged)) > 5
+
+
+def test_what_is_drawn_depends_on_the_seed_alone_and_not_on_what_was_imported(tmp_path):
+    """By its own generator hypothesis draws numbers from the modules that are there."""
+    script = (
+        "import sys; from itertools import islice; from hypothesis import strategies as st;"
+        "from laboratory.campaign import drawn; sys.path.insert(0, sys.argv[1]); {}"
+        "print([*islice(drawn.stream(st.integers() | st.floats() | st.binary(), 'x'), 200)])"
+    )
+    (tmp_path / "many.py").write_text(f"MANY = {[1.5 * n for n in range(1000, 2000)]}")
+    outs = [
+        subprocess.run(
+            [sys.executable, "-c", script.format(first), str(tmp_path)],
+            capture_output=True, check=True, text=True,
+        ).stdout
+        for first in ("", "import many;")
+    ]  # fmt: skip
+    assert outs[0] == outs[1]
 
 
 def test_a_decoder_that_raises_is_found(monkeypatch):
@@ -62,6 +103,7 @@ def test_a_decoder_that_raises_is_found(monkeypatch):
     monkeypatch.setattr(protocol_codec, "_unpack", careless)
     found = codec.play(0)
     assert "raised KeyError: 'v'" in found.reasons[0]
+    assert found.reasons[-1].endswith("raised KeyError: 'v'; by cmd/keepalive {}")
     findings = Endurance([Outcome("codec", 1), found])
     assert not findings.kept
     assert any("laboratory.campaign --only fuzz --seeds 0" in line for line in findings.lines())
@@ -74,6 +116,7 @@ def test_a_tick_that_raises_is_found(monkeypatch):
     monkeypatch.setattr(CollisionConstraint, "watch", careless)
     # No touch is an excuse while the operator is an honest one.
     monkeypatch.setattr(Touches, "explain", lambda *_: True)
+    monkeypatch.setattr(drawn, "LEAST", 3)  # more of them take their time
     scene = next(seed for seed in range(20) if network.cell_of(seed) == "pa10_scene")
     reasons = network.play(scene).reasons
     assert any(reason.startswith("tick_raised at ") for reason in reasons), reasons
