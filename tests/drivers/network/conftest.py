@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 
 import pytest
 import zenoh
+from telerobot.drivers.network.authority import Authority
 from telerobot.drivers.network.certificates import certificate, read
 from telerobot.drivers.network.identity import Identity
 from telerobot.protocols.roles import Grant
-from telerobot.tools.commands.certify import Authority
 
 HOSTS = ("localhost", "127.0.0.1", "::1")
 ALL_SENSORS = tuple(f"pa10/sensor/{of}" for of in ("vision", "obstacle", "contour", "frame"))

@@ -4,9 +4,9 @@ import json
 
 import pytest
 import zenoh
+from telerobot.drivers.network.authority import write_router
 from telerobot.drivers.network.sessions import client_config, dialling_config, router_config
 from telerobot.protocols.topics import TOPICS
-from telerobot.tools.commands.certify import write_router
 
 from .wire import Try, all_keys, free_endpoint, with_control
 

@@ -7,9 +7,9 @@ import os
 
 import pytest
 import zenoh
+from telerobot.drivers.network.authority import write_router
 from telerobot.drivers.network.sessions import client_config, router_config
 from telerobot.server.operators.link import RING
-from telerobot.tools.commands.certify import write_router
 
 from .wire import free_endpoint
 

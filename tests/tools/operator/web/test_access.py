@@ -11,11 +11,11 @@ from aiohttp import ClientSession, TCPConnector, web
 from aiohttp.test_utils import TestClient, TestServer
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
+from telerobot.drivers.network.authority import Authority
 from telerobot.drivers.network.identity import identity_of
 from telerobot.protocols.roles import Grant
 from telerobot.protocols.topics import Role
 from telerobot.tools.client.operator import OperatorError
-from telerobot.tools.commands.certify import Authority
 from telerobot.tools.host.address import moved
 from telerobot.tools.operator.web import cli
 from telerobot.tools.operator.web.pages import PageHub
