@@ -14,7 +14,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from telerobot.tools.host.address import options
 from telerobot.tools.host.local_plant import CLI
 from telerobot.tools.recording.replay import Replay
-from telerobot.tools.recording.run_file import read_cell, read_frames, read_run
+from telerobot.tools.recording.run_file import read_cell, read_run
 
 SMALL = 300_000
 """A disk that is full after so many bytes [B]."""
@@ -85,7 +85,7 @@ def test_a_recorder_that_is_killed_leaves_a_run_that_others_read_and_that_replay
     assert replay.judgement.difference is None
     assert replay.judgement.ticks > 100
     assert np.abs(moved[-1] - moved[0]).max() > 0.02
-    assert {0x080, 0x181, 0x201} <= {frame.can_id for frame in read_frames(path)}
+    assert {0x080, 0x181, 0x201} <= {m.json()["id"] for m in read_run(path, ("can",))}
     topics = {message.topic for message in read_run(path)}
     assert {"state", "event", "truth", "tlm/description"} <= topics
     sticks = [tick.inputs[0].stick for tick in Replay(path, read_cell(path)).run()]

@@ -6,7 +6,6 @@ unpack to, while they do.
 """
 
 import atexit
-import base64
 import json
 import shutil
 import struct
@@ -44,16 +43,6 @@ class RecordError(ConfigError):
     """A file that is no recording, or lacks what is asked of it: says which, and what is wrong."""
 
 
-class RecordedFrame(NamedTuple):
-    """One CAN frame of a recording."""
-
-    time_s: float
-    can_id: int
-    data: bytes
-    sent: bool
-    bus: int
-
-
 class Recorded(NamedTuple):
     """One message of a recording."""
 
@@ -87,18 +76,6 @@ def read_run(path: Path, topics: Collection[str] | None = None) -> Iterator[Reco
             topic = channels[record.channel_id]
             if topics is None or topic in topics:
                 yield Recorded(topic, record.log_time, record.data)
-
-
-def read_frames(path: Path) -> Iterator[RecordedFrame]:
-    """Yield the CAN frames of a recording, in the order of writing. Raises as `read_run`."""
-    for message in read_run(path, ("can",)):
-        row = message.json()
-        try:
-            data, bus = base64.b64decode(row["data"]), row.get("bus", 0)
-            frame = RecordedFrame(message.stamp_ns / 1e9, row["id"], data, row["sent"], bus)
-        except (KeyError, TypeError, ValueError) as error:
-            raise RecordError(f"{path}: a frame lacks what a frame has: {error}") from None
-        yield frame
 
 
 def read_about(path: Path) -> dict[str, str]:

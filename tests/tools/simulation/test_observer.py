@@ -1,14 +1,16 @@
 """The judge on the bus counts exactly what was planted, and equal runs have equal hashes."""
 
+import base64
 import os
 import struct
 import subprocess
 import sys
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.recording.run_file import read_frames
+from telerobot.tools.recording.run_file import read_run
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.observer import RELATIVE, STEPS, Observer
 from telerobot.tools.simulation.simulation import Simulation, simulate
@@ -21,6 +23,14 @@ BOUNDS = (DRIVE.max_velocity, DRIVE.max_acceleration, DRIVE.max_jerk)
 SYNC, RPDO1 = 0x080, 0x200 + DRIVE.node
 NEAR_LIMIT = 6.26
 REST_S = 6.0
+
+
+class Frame(NamedTuple):
+    """One CAN frame of a recording."""
+
+    time_s: float
+    can_id: int
+    data: bytes
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +50,8 @@ def recording(tmp_path_factory):
     result = simulate(CELL, script, record=path)
     assert result.ok, result.summary
     assert result.summary["limit_violations"] == 0
-    return list(read_frames(path))
+    rows = ((m.stamp_ns / 1e9, m.json()) for m in read_run(path, ("can",)))
+    return [Frame(time_s, row["id"], base64.b64decode(row["data"])) for time_s, row in rows]
 
 
 def observed(frames):
