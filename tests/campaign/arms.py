@@ -15,8 +15,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import MechanismCommand, TaskCommand
 from telerobot.tools.scripts.script import Script, Step, TopicMessage
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.equipment import Draw, step
-from telerobot.tools.soak.segments import SEGMENTS, disturbance, master
+from telerobot.tools.soak.segments import SEGMENTS, Draw, disturbance, master, step
 
 from .part import Part, Selection
 from .runs import Runs

@@ -18,7 +18,7 @@ from telerobot.config.schema.mechanism import PayloadSection
 from telerobot.protocols.messages.rig import RigTruth
 from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.equipment import Act, Draw, step
+from telerobot.tools.soak.segments import Act, Draw, step
 
 from .part import Part, Selection
 from .runs import Runs

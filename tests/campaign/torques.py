@@ -15,7 +15,7 @@ from laboratory.oracle.poses import Array
 from telerobot.config.load import load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
-from telerobot.tools.soak.equipment import Draw
+from telerobot.tools.soak.segments import Draw
 
 from .part import Part, Selection
 from .runs import Runs

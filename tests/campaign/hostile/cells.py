@@ -6,7 +6,7 @@ from telerobot.config.schema.mechanism import GripperSection, PayloadSection
 from telerobot.config.schema.rig import RigGripperSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.config.schema.surroundings import MovingFrameSection
-from telerobot.tools.soak.equipment import Draw
+from telerobot.tools.soak.segments import Draw
 
 GRIPPER_NODE = 120
 EMPTY, LOADED = "campaign_empty", "campaign_loaded"

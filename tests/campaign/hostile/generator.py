@@ -17,8 +17,16 @@ from laboratory.oracle.feasible import GoalJudge
 from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell, altered
 from telerobot.tools.scripts.script import Script, Step
-from telerobot.tools.soak.equipment import OPENING_S, Draw, step
-from telerobot.tools.soak.segments import HOSTILE_S, RESTORE_S, hostile, restored, schedules
+from telerobot.tools.soak.segments import (
+    HOSTILE_S,
+    OPENING_S,
+    RESTORE_S,
+    Draw,
+    hostile,
+    restored,
+    schedules,
+    step,
+)
 
 from .cells import opened, with_gripper, with_moving
 

@@ -17,8 +17,8 @@ from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.config.schema.sources import SOURCES
 from telerobot.protocols.messages.messages import Frame
 from telerobot.tools.scripts.script import Script, Step
-from telerobot.tools.soak import equipment, segments
-from telerobot.tools.soak.equipment import Draw, step
+from telerobot.tools.soak import segments
+from telerobot.tools.soak.segments import Draw, step
 
 from .cells import with_gripper, with_moving
 
@@ -37,7 +37,7 @@ Happening = Callable[[Draw, Cell], dict[str, Any]]
 def wild(cell: Cell, seed: int) -> Script:
     """Return the script of a seed; equal seeds give equal runs."""
     draw = np.random.default_rng([seed, *b"wild", *cell.config.name.encode()])
-    known = (*segments.SEGMENTS, *equipment.segments(cell), _creep, _creep)
+    known = (*segments.SEGMENTS, *segments.segments(cell), _creep, _creep)
     happenings = _happenings(cell)
     steps: list[Step] = []
     at_s = 0.1
@@ -226,5 +226,5 @@ def _watch(draw: Draw, cell: Cell) -> dict[str, Any]:
 
 
 def _ground(draw: Draw, cell: Cell) -> dict[str, Any]:
-    found = equipment.ground_disturbances(draw, cell)
+    found = segments.ground_disturbances(draw, cell)
     return found[int(draw.integers(len(found)))][0]

@@ -14,7 +14,7 @@ from telerobot.config.load import Cell, load_cell, shipped
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.resolution import Resolved, resolve
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.soak.equipment import Draw
+from telerobot.tools.soak.segments import Draw
 
 from ..part import Part, Selection
 

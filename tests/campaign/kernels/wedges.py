@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from laboratory.oracle.poses import Array
 from telerobot.server.control.barriers.programme import nearest
-from telerobot.tools.soak.equipment import Draw
+from telerobot.tools.soak.segments import Draw
 
 from ..part import Part
 

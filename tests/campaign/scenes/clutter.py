@@ -28,7 +28,7 @@ from telerobot.server.control.proximity.pairs import PairSearch
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.tools.scripts.script import Script, Step
-from telerobot.tools.soak.equipment import step
+from telerobot.tools.soak.segments import step
 
 from .movers import RandomMover, mover
 

@@ -11,7 +11,7 @@ from telerobot.config.schema.mechanism import BackboneSection, SegmentSection
 from telerobot.config.schema.section import PoseSection
 from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.soak.equipment import Act, Draw
+from telerobot.tools.soak.segments import Act, Draw
 
 END_S = 6.0
 """Length of a run [s]."""
