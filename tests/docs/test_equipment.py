@@ -26,6 +26,22 @@ def test_the_container_serves_a_cell_with_extras_that_there_are():
     assert text(".containerignore") == text(".dockerignore")
 
 
+def test_the_container_is_built_from_what_there_is():
+    image = text("Containerfile")
+    targets = re.findall(r"&& make (\S+)", image)
+    assert targets
+    assert set(targets) <= set(re.findall(r"^([a-z-]+):", text("Makefile"), re.MULTILINE))
+    (pins,) = set(re.findall(r"-c (\S+)", image))
+    assert "\nbuild==" in text(pins)
+    ignored = text(".containerignore").split()
+    for needed in ("pyproject.toml", "vendor", "tools", "config", ".namespace", pins, "README.md"):
+        assert (ROOT / needed).exists()
+        assert needed not in ignored
+    black_boxes = re.findall(r"STATE_DIRECTORY=(\S+)", image)
+    assert black_boxes == re.findall(r"--home-dir (\S+)", image)
+    assert '"STATE_DIRECTORY"' in text("tools/arguments.py")
+
+
 def test_the_container_does_not_run_as_root_nor_in_the_folder_of_the_sources():
     last = text("Containerfile").split("\nFROM ")[-1]
     assert re.search(r"^USER telerobot$", last, re.MULTILINE)
