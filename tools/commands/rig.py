@@ -4,11 +4,9 @@ import argparse
 import gc
 import math
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable
-from types import FrameType
 from typing import TextIO
 
 from ...config.errors import printable
@@ -24,6 +22,7 @@ from ...drivers.rig.session import RigSession, ScannerServer
 from ...protocols.canopen import can301
 from ...protocols.topics import Role
 from ..host.address import cell_from
+from ..host.local_plant import until_told
 from ..simulation.sensors import FrameSensors
 
 PRIORITY = 50  # SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines
@@ -54,13 +53,7 @@ class Refusals:
 def run(args: argparse.Namespace) -> int:
     """Simulate the hardware until told to end. Raises `ConfigError`, `DeviceError`."""
     cell = cell_from(args)
-    asked: list[int] = []
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        asked.append(number)
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
+    over = until_told(args.seconds)
     buses: list[CanBus] = []
     try:
         buses.extend(open_bus(bus) for bus in cell.config.fieldbuses)
@@ -77,13 +70,12 @@ def run(args: argparse.Namespace) -> int:
         try:
             if moving:
                 FrameSensors(cell, rig, session.newest_tick, session.tell)
-            end_s = math.inf if args.seconds is None else time.monotonic() + args.seconds
             places = ", ".join(bus.place for bus in cell.config.fieldbuses)
             _prefer()
             print(f"telerobot: the rig of {name} is ready on {places}", flush=True)
             pace = run_realtime(
                 rig,
-                lambda: bool(asked) or time.monotonic() > end_s,
+                over,
                 session,
                 tell=Refusals(time.monotonic, sys.stderr),
             )

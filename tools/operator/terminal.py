@@ -11,7 +11,7 @@ import textwrap
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from ...config.errors import printable
@@ -647,12 +647,7 @@ class Console:
         self._write(_HIDE_CURSOR)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             self._write(("\n" if self._status else "") + _SHOW_CURSOR)
         finally:

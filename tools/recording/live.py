@@ -25,9 +25,10 @@ from ...protocols.messages.perception import ScanPoints
 from ...protocols.messages.telemetry import Event, RecordedTick, State
 from ...protocols.topics import Role
 from ...server.control.proximity.capsules import Forest
-from ...server.control.spatial import Array, Pose
+from ...server.control.spatial import Pose
 from ..host.address import cell_from
 from ..host.local_plant import until_told
+from ..operator.web.scene import seven
 from .recorder import Recorder
 
 # --- The files of one recording: a new one when the last is large, each with the whole cell in it
@@ -170,31 +171,14 @@ class Viewer:
             transform = FrameTransform(parent_frame_id=WORLD, child_frame_id=name)
             transform.timestamp.FromNanoseconds(stamp_ns)
             place, turn = transform.translation, transform.rotation
-            place.x, place.y, place.z = T.p.tolist()
-            turn.x, turn.y, turn.z, turn.w = _quaternion(T.R)
+            x, y, z, *rpy = T.to_xyz_rpy()
+            place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = seven((x, y, z), rpy)
             message.transforms.append(transform)
         return message
 
 
 def _pose(six: tuple[float, ...]) -> Pose:
     return Pose.from_xyz_rpy(six[:3], six[3:])
-
-
-def _quaternion(R: Array) -> tuple[float, float, float, float]:
-    """Return x, y, z, w of a rotation (3, 3) (Shepperd 1978)."""
-    diagonal = np.diagonal(R)
-    parts = np.array([*diagonal, diagonal.sum()])
-    i = int(parts.argmax())
-    if i == 3:
-        q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + parts[3]])
-    else:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q = np.empty(4)
-        q[i] = 1.0 + 2.0 * R[i, i] - parts[3]
-        q[j], q[k] = R[j, i] + R[i, j], R[k, i] + R[i, k]
-        q[3] = R[k, j] - R[j, k]
-    x, y, z, w = (q / np.linalg.norm(q)).tolist()
-    return x, y, z, w
 
 
 def picture_in(data: bytes) -> bytes:

@@ -16,6 +16,7 @@ from ...protocols.messages.messages import Frame
 from ...protocols.messages.perception import ObstacleNews
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State, TaskState
+from ...server.control.spatial import Pose, rotation_exp, rotation_rpy
 from ..client.protocol_client import ProtocolClient
 from ..client.reflection import ReflectingClient
 from .script import SCRIPT, DrivenInsertion, HandleMotion, MovingObstacle, MovingTarget
@@ -127,7 +128,7 @@ class InsertionMotion:
 
     def _twist(self, now_s: float, task: TaskState) -> Array:
         T = np.array(task.pose_mrf_measured)
-        R = _rotation_rpy(T[3:])
+        R = rotation_rpy(*T[3:].tolist())
         if self._began is None:
             self._began, self._R = T[:3], R
         place = T[:3] - self._began
@@ -219,18 +220,6 @@ def _at_most(vector: Array, size: float) -> Array:
     return vector * min(1.0, size / max(float(np.linalg.norm(vector)), 1e-12))
 
 
-def _rotation_rpy(rpy: Array) -> Array:
-    """Return the rotation (3, 3) of roll, pitch and yaw about fixed axes [rad]."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
 # --- Handle of a script's master device: moves at given twists, its pose is streamed --------------
 class MasterHandle:
     """A handle at a pose of its own, moving at a twist since some time."""
@@ -250,24 +239,13 @@ class MasterHandle:
     def fields(self, now_s: float) -> dict[str, Any]:
         """Return what a `MasterPose` says now."""
         p, R = self._at(now_s)
-        pitch = math.asin(min(1.0, max(-1.0, -float(R[2, 0]))))
-        rpy = (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
-        return {"xyz": tuple(p.tolist()), "rpy": rpy, "expressed_in": self._axes}
+        six = Pose(R, p).to_xyz_rpy()
+        return {"xyz": six[:3], "rpy": six[3:], "expressed_in": self._axes}
 
     def _at(self, now_s: float) -> tuple[Array, Array]:
         passed_s = now_s - self._since_s
-        turn = _rotation_about(passed_s * self._twist[3:])
+        turn = rotation_exp(passed_s * self._twist[3:])
         return self._p + passed_s * self._twist[:3], turn @ self._R
-
-
-def _rotation_about(vector: Array) -> Array:
-    """Return the rotation (3, 3) about a vector (3,) by its length [rad] (Rodrigues)."""
-    angle = math.sqrt(float(vector @ vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = (vector / angle).tolist()
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * (K @ K))
 
 
 # --- Motions of a script's obstacles, in the physics and in the daemon's news ---------------------

@@ -14,6 +14,7 @@ from ....config.schema.rig import RigBeamSection, RigBridgeSection, RigSection
 from ....config.schema.section import PoseSection
 from ....config.schema.sources import SOURCES
 from ....config.schema.surroundings import CameraSection, ObstacleSection, RigTagSection
+from ....config.urdf.elements import end_of
 from ....config.urdf.meshes import find_mesh, read_mesh
 from ....drivers.device import DeviceError
 from ....server.control.backbone.curve import centre_line
@@ -270,7 +271,7 @@ def _tree(part: Cell, before: int, first: int, meshes: Meshes) -> list[dict[str,
     colours = colours_of(root)
     index = {joint.name: first + i for i, joint in enumerate(part.robot.joints)}
     by_name = {link.get("name", ""): link for link in root.findall("link")}
-    waiting = {_end(joint, "child"): joint for joint in root.findall("joint")}
+    waiting = {end_of(joint, "child"): joint for joint in root.findall("joint")}
     base = next(name for name in by_name if name not in waiting)
     number: dict[str, int] = {}
     links: list[dict[str, Any]] = []
@@ -283,9 +284,9 @@ def _tree(part: Cell, before: int, first: int, meshes: Meshes) -> list[dict[str,
     place = of_pose(part.config.mechanism.T_world_base)
     add(base, {"parent": -1, "pose": place, **_FIXED})
     while waiting:
-        name = next(n for n, joint in waiting.items() if _end(joint, "parent") in number)
+        name = next(n for n, joint in waiting.items() if end_of(joint, "parent") in number)
         joint = waiting.pop(name)
-        told = {"parent": number[_end(joint, "parent")], "pose": of_origin(joint)}
+        told = {"parent": number[end_of(joint, "parent")], "pose": of_origin(joint)}
         add(name, {**told, **_joint(joint, index)})
     return links
 
@@ -341,11 +342,6 @@ def _drawn(capsule: dict[str, Any]) -> dict[str, Any]:
     return {"kind": "capsule", "pose": pose, "radius": capsule["radius"], "length": length}
 
 
-def _end(joint: ET.Element, which: str) -> str:
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
-
-
 # --- Tunnels of a cell's snakes: frames along the centre line of what has walls -------------------
 STEP = 0.0075  # frames are at most so far apart [m]
 
@@ -385,15 +381,9 @@ def described_obstacles(cell: Cell) -> list[dict[str, Any]]:
 
 def _obstacle(obstacle: ObstacleSection, default: float) -> dict[str, Any]:
     soft = obstacle.shape == "sight_line"
-    return {
-        "name": obstacle.name,
-        "shape": obstacle.shape,
-        "xyz": obstacle.xyz,
-        "to": obstacle.to,
-        "rpy": obstacle.rpy,
+    told = {"name", "shape", "xyz", "to", "rpy", "half_size", "camera"}
+    return obstacle.model_dump(include=told) | {
         "radius": obstacle.radius or 0.0,
-        "half_size": obstacle.half_size,
-        "camera": obstacle.camera,
         "clearance": default if obstacle.clearance is None else obstacle.clearance,
         "hard": (not soft) if obstacle.hard is None else obstacle.hard,
         "moves": obstacle.max_speed > 0.0,
