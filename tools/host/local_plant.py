@@ -123,12 +123,8 @@ class LocalPlant:
 
     def answers(self) -> bool:
         """Return whether somebody listens on the daemon's endpoint."""
-        host, port = _host_and_port(self.cell.config.zenoh.endpoint)
-        try:
-            socket.create_connection((host, port), timeout=1.0).close()
-        except OSError:
-            return False
-        return True
+        host, _, port = self.cell.config.zenoh.endpoint.partition("/")[2].rpartition(":")
+        return listens(int(port), host)
 
     def raise_if_dead(self) -> None:
         """Raise `ChildDied` when the rig or the daemon has ended."""
@@ -228,18 +224,13 @@ def free_port(kind: socket.SocketKind) -> int:
         return port
 
 
-def listens(port: int) -> bool:
-    """Return whether somebody listens on a TCP port of 127.0.0.1."""
+def listens(port: int, host: str = "127.0.0.1") -> bool:
+    """Return whether somebody listens on a TCP port."""
     try:
-        socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
+        socket.create_connection((host, port), timeout=1.0).close()
     except OSError:
         return False
     return True
-
-
-def _host_and_port(endpoint: str) -> tuple[str, int]:
-    host, _, port = endpoint.partition("/")[2].rpartition(":")
-    return host, int(port)
 
 
 # --- A recorder beside a cell's daemon, as a process of its own -----------------------------------

@@ -144,12 +144,7 @@ def draw_payload(run: RecordedRun, truth: dict[str, Any], ax: Axes3D) -> None:
         return
     at, R = np.array(beam["pose"][:3]), rotation_rpy(*beam["pose"][3:])
     half = np.array(rig.beam.half_size)
-    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
-    corners = at[:, None] + R @ (half[:, None] * corners)
-    for i in range(8):
-        for bit in (1, 2, 4):
-            if not i & bit:
-                ax.plot(*corners[:, [i, i | bit]], color="tab:blue", lw=1.0)
+    _box(ax, at, R, half, color="tab:blue", lw=1.0)
     task = run.cell.joint_tasks[0]
     parts = {part.config.mechanism.name: part for part in run.cell.parts}
     for name, seen, wrench in zip(task.by, task.T_wrist_mrf, beam["grasps"], strict=True):
@@ -356,14 +351,8 @@ def draw(run: RecordedRun, truth: dict[str, Any], ax: Axes3D, width: float = 1.0
 def _obstacle(ax: Axes3D, obstacle: ObstacleSection, label: str) -> None:
     at = np.array(obstacle.xyz)
     if obstacle.shape == "box" and obstacle.half_size is not None:
-        corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
-        corners = at[:, None] + rotation_rpy(*obstacle.rpy) @ (
-            np.array(obstacle.half_size)[:, None] * corners
-        )
-        for i in range(8):
-            for bit in (1, 2, 4):
-                if not i & bit:
-                    _line(ax, corners[:, i], corners[:, i | bit], color="tab:orange", lw=0.8)
+        half = np.array(obstacle.half_size)
+        _box(ax, at, rotation_rpy(*obstacle.rpy), half, color="tab:orange", lw=0.8)
     elif obstacle.radius:
         u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 13), np.linspace(0, np.pi, 9))
         ball = np.array([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
@@ -374,6 +363,16 @@ def _obstacle(ax: Axes3D, obstacle: ObstacleSection, label: str) -> None:
             _line(ax, at, np.array(obstacle.to), color="tab:orange", lw=2.0)
     else:
         ax.scatter(*at, color="tab:orange", label=label)
+
+
+def _box(ax: Axes3D, at: Array, R: Array, half: Array, **how: Any) -> None:
+    """Draw the edges of a box of half sizes (3,) about a place (3,) [m], turned by R (3, 3)."""
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
+    corners = at[:, None] + R @ (half[:, None] * corners)
+    for i in range(8):
+        for bit in (1, 2, 4):
+            if not i & bit:
+                _line(ax, corners[:, i], corners[:, i | bit], **how)
 
 
 def _line(ax: Axes3D, a: Array, b: Array, **how: Any) -> None:
