@@ -3,8 +3,13 @@
 import argparse
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
+from typing import Final
+
+LONGEST_DAYS: Final = 3650
+"""A certificate holds for so long at most [d]."""
 
 
 def demo(parser: argparse.ArgumentParser) -> None:
@@ -286,6 +291,47 @@ def doctor(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def certify(parser: argparse.ArgumentParser) -> None:
+    """`telerobot certify`."""
+    holder = _judged_by("commands.certify", "holder")
+    parser.add_argument(
+        "cells", metavar="CELL", nargs="+", help="path of a cell file, or a shipped cell's name"
+    )
+    parser.add_argument(
+        "--directory", metavar="FOLDER", type=Path,
+        help="where the certificates lie, instead of the cell's zenoh.security.directory",
+    )  # fmt: skip
+    for role, who in (("operator", "may command"), ("observer", "may listen")):
+        parser.add_argument(
+            f"--{role}", metavar="NAME", type=holder, action="append", default=[], help=who
+        )
+    parser.add_argument(
+        "--sensor", metavar="NAME[=KEY,…]", type=_judged_by("commands.certify", "sensor"),
+        action="append", default=[],
+        help="may put on these keys, as vision or obstacle; by default on that of its name",
+    )  # fmt: skip
+    parser.add_argument(
+        "--router", metavar="NAME", type=holder, help="a router that the cells' daemons dial"
+    )
+    parser.add_argument(
+        "--listen", metavar="tls/HOST:PORT", help="where the router listens (tls/[::]:7447)"
+    )
+    parser.add_argument(
+        "--host", metavar="HOST", type=_judged_by("commands.certify", "host_name"),
+        action="append", default=[],
+        help="name or address under which daemon and router are dialled; this machine's are known",
+    )  # fmt: skip
+    parser.add_argument(
+        "--days", metavar="N", type=_days, default=730,
+        help="how long the certificates hold (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--renew", action="store_true",
+        help="sign those anew that are there: for longer, or for more cells, keys and hosts; the "
+        "private keys stay",
+    )  # fmt: skip
+
+
 def service(parser: argparse.ArgumentParser) -> None:
     """`telerobot service`."""
     _cell(parser)
@@ -390,6 +436,22 @@ def _count(text: str) -> int:
     if not 6 <= count <= 200:
         raise argparse.ArgumentTypeError(f"{count} is not within 6 to 200")
     return count
+
+
+def _days(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= LONGEST_DAYS:
+        raise argparse.ArgumentTypeError(f"{text!r}: a number of days from 1 to {LONGEST_DAYS}")
+    return int(text)
+
+
+def _judged_by(module: str, function: str) -> Callable[[str], object]:
+    """Return a judge of an argument in a module of the tools, imported when there is one."""
+
+    def judge(text: str) -> object:
+        judged: object = getattr(import_module(f"{__package__}.{module}"), function)(text)
+        return judged
+
+    return judge
 
 
 def _short(text: str) -> float:

@@ -123,48 +123,6 @@ def sensor_keys() -> list[str]:
 
 
 # --- `telerobot certify CELL …`: certificates for those who take part in the cells' network -------
-DAYS: Final = 730  # validity of a certificate by default [d]
-LONGEST_DAYS = 3650
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "cells", metavar="CELL", nargs="+", help="path of a cell file, or a shipped cell's name"
-    )
-    parser.add_argument(
-        "--directory", metavar="FOLDER", type=Path,
-        help="where the certificates lie, instead of the cell's zenoh.security.directory",
-    )  # fmt: skip
-    for role, who in (
-        (Role.OPERATOR, "may command"),
-        (Role.OBSERVER, "may listen"),
-    ):
-        parser.add_argument(
-            f"--{role}", metavar="NAME", type=_name, action="append", default=[], help=who
-        )
-    parser.add_argument(
-        "--sensor", metavar="NAME[=KEY,…]", type=_sensor, action="append", default=[],
-        help=f"may put on its keys, of {', '.join(sensor_keys())}; by default that of its name",
-    )  # fmt: skip
-    parser.add_argument(
-        "--router", metavar="NAME", type=_name, help="a router that the cells' daemons dial"
-    )
-    parser.add_argument(
-        "--listen", metavar="tls/HOST:PORT", help="where the router listens (tls/[::]:7447)"
-    )
-    parser.add_argument(
-        "--host", metavar="HOST", type=_host, action="append", default=[],
-        help="name or address under which daemon and router are dialled; this machine's are known",
-    )  # fmt: skip
-    parser.add_argument(
-        "--days", metavar="N", type=_days, default=DAYS,
-        help="how long the certificates hold (default: %(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--renew", action="store_true",
-        help="sign those anew that are there: for longer, or for more cells, keys and hosts; the "
-        "private keys stay",
-    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -232,7 +190,8 @@ def _folder(cells: list[Cell]) -> Path:
     return folders.pop()
 
 
-def _name(text: str) -> str:
+def holder(text: str) -> str:
+    """Return a name from the command line."""
     if not re.fullmatch(NAME, text):
         raise argparse.ArgumentTypeError(
             f"{text!r} is no name: small letters, digits and _, up to 32"
@@ -240,7 +199,8 @@ def _name(text: str) -> str:
     return text
 
 
-def _sensor(text: str) -> tuple[str, tuple[str, ...]]:
+def sensor(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a sensor's name and the keys that it may put on, from the command line."""
     name, given, listed = text.partition("=")
     keys = listed.split(",") if given else SCANS if name == SCAN else [name]
     wrong = [key for key in keys if key not in sensor_keys()]
@@ -248,16 +208,11 @@ def _sensor(text: str) -> tuple[str, tuple[str, ...]]:
         raise argparse.ArgumentTypeError(
             f"{wrong[0]!r} is no sensor's key; those are {sensor_keys()}"
         )
-    return _name(name), tuple(f"sensor/{key}" for key in keys)
+    return holder(name), tuple(f"sensor/{key}" for key in keys)
 
 
-def _host(text: str) -> str:
+def host_name(text: str) -> str:
+    """Return a host's name or address from the command line."""
     if not is_host(text.lower()):
         raise argparse.ArgumentTypeError(f"{text!r} is no host's name or address")
     return text.lower()
-
-
-def _days(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= LONGEST_DAYS:
-        raise argparse.ArgumentTypeError(f"{text!r}: a number of days from 1 to {LONGEST_DAYS}")
-    return int(text)

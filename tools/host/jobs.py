@@ -20,7 +20,6 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Generic, Self, TypeVar
 
-import numpy as np
 from tqdm import tqdm
 
 from ...config.errors import ConfigError, printable
@@ -278,7 +277,8 @@ def _kept(path: Path) -> Generator[tuple[str, Any], None, None]:
             raise ConfigError(f"{path}: line {number}: no result of a job") from None
 
 
-def _plain(number: np.generic) -> object:
+def _plain(number: Any) -> object:
+    """Return the plain number of a NumPy scalar, which JSON does not know."""
     return number.item()
 
 

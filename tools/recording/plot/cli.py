@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from ....config.errors import ConfigError
-from ....drivers.device import DeviceError
 
 PANELS = (
     "distances", "potentials", "slope", "priority", "rates", "self_motion", "arm_angle", "granted",
@@ -53,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("matplotlib", "mpl_toolkits"):
             raise
+        from ....drivers.device import DeviceError
+
         raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
     panels = tuple(args.panels.split(","))
     unknown = [name for name in panels if name not in PANELS]
