@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 LONGEST_DAYS: Final = 3650
 """A certificate holds for so long at most [d]."""
@@ -103,7 +103,7 @@ def record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--split",
         metavar="MB",
-        type=_size,
+        type=_within(1, 1e6, "MB"),
         default=500.0,
         help="begin a new file at this size (default: %(default)s)",
     )
@@ -246,7 +246,7 @@ def identify(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--attitudes",
-        type=_count,
+        type=_within(6, 200, "attitudes", int),
         default=24,
         metavar="N",
         help="so many are measured, 6 to 200 (default: %(default)s)",
@@ -284,7 +284,7 @@ def doctor(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument(
         "--seconds",
-        type=_short,
+        type=_within(0.01, 600, "seconds"),
         default=2.0,
         metavar="S",
         help="how long to measure the timer (default %(default)s)",
@@ -322,7 +322,7 @@ def certify(parser: argparse.ArgumentParser) -> None:
         help="name or address under which daemon and router are dialled; this machine's are known",
     )  # fmt: skip
     parser.add_argument(
-        "--days", metavar="N", type=_days, default=730,
+        "--days", metavar="N", type=_within(1, LONGEST_DAYS, "days", int), default=730,
         help="how long the certificates hold (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -421,27 +421,20 @@ def duration(text: str) -> float:
     return seconds
 
 
-def _size(text: str) -> float:
-    try:
-        size = float(text)
-    except ValueError:
-        size = 0.0
-    if not 1.0 <= size <= 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be from 1 to 1000000 MB")
-    return size
+def _within(least: float, most: float, unit: str, kind: type = float) -> Callable[[str], Any]:
+    """Return what reads a number of a `kind` from the command line, `least` to `most`."""
 
+    def read(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            words = f"{text!r}: must be from {least:.7g} to {most:.7g} {unit}"
+            raise argparse.ArgumentTypeError(words)
+        return value
 
-def _count(text: str) -> int:
-    count = int(text)
-    if not 6 <= count <= 200:
-        raise argparse.ArgumentTypeError(f"{count} is not within 6 to 200")
-    return count
-
-
-def _days(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= LONGEST_DAYS:
-        raise argparse.ArgumentTypeError(f"{text!r}: a number of days from 1 to {LONGEST_DAYS}")
-    return int(text)
+    return read
 
 
 def _judged_by(module: str, function: str) -> Callable[[str], object]:
@@ -452,13 +445,6 @@ def _judged_by(module: str, function: str) -> Callable[[str], object]:
         return judged
 
     return judge
-
-
-def _short(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 < seconds <= 600.0:
-        raise argparse.ArgumentTypeError(f"{text}: must be above 0 and at most 600 seconds")
-    return seconds
 
 
 def _state_folder() -> Path:

@@ -85,6 +85,23 @@ def test_bad_usage_is_one_line_and_code_2(argv, capsys):
     assert captured.err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("argv", "bound"),
+    [
+        (["identify", "pa10", "--attitudes", "many"], "6 to 200 attitudes"),
+        (["identify", "pa10", "--attitudes", "5"], "6 to 200 attitudes"),
+        (["doctor", "--seconds", "soon"], "0.01 to 600 seconds"),
+        (["record", "pa10", "--split", "0.5"], "1 to 1000000 MB"),
+        (["certify", "pa10", "--days", "3.5"], "1 to 3650 days"),
+    ],
+)
+def test_a_number_that_is_none_or_beyond_is_told_with_its_bounds(argv, bound, capsys):
+    assert leave(argv) == 2
+    told = capsys.readouterr().err
+    assert f"{argv[-1]!r}: must be from {bound}" in told
+    assert argv[-2] in told
+
+
 def test_a_bad_cell_is_a_line_for_each_mistake_and_code_2(small, capsys):
     assert main(["check", str(small.replace("node = 2", "node = 1"))]) == 2
     captured = capsys.readouterr()
