@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from telerobot.drivers.network.session import Session
 from telerobot.protocols import topics as t
@@ -190,7 +189,9 @@ def test_a_camera_that_stops_is_said_to_have_stopped(site):
 
 
 BITS = 24
-COMPARED = 20
+MEDIAN_OF = 15
+"""Frames whose median age the page shows, as `cameras.js` has it [1]."""
+AGREE_MS = 40
 STAMPED = f"""
 import sys, time
 import numpy as np
@@ -228,8 +229,17 @@ READ = f"""
     }}
     window.ages.push(((now - stamp) % 2 ** {BITS} + 2 ** {BITS}) % 2 ** {BITS});
   }};
+  window.readings = [];
+  new MutationObserver((changes) => {{
+    const told = changes.map(({{ target }}) => target);
+    const words = told.find((each) => each.matches?.(".camera-words output"));
+    const last = ages.slice(-{MEDIAN_OF}).sort((a, b) => a - b);
+    if (!words || last.length < {MEDIAN_OF}) return;
+    window.readings.push([words.textContent, last[{MEDIAN_OF} >> 1]]);
+  }}).observe(document, {{ subtree: true, childList: true }});
 """
-"""Keeps the age of each frame [ms], when it is drawn, by its stripes."""
+"""Keeps the age of each frame [ms], when it is drawn, by its stripes; and beside all words on the
+age of a large picture the median by the stripes of the frames that they are said of."""
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.25])
@@ -242,14 +252,18 @@ def test_the_age_that_is_shown_is_that_by_a_clock_in_the_picture_itself(site, de
         try:
             page = thumbs(site, script=READ)
             thumb(page, "wrist").click()
-            site.until(lambda: len(page.evaluate("ages")) > 2 * COMPARED, "no video")
-            shown, ages = page.evaluate(
-                f"[document.querySelector('.camera-words').children[1].textContent,"
-                f" ages.slice(-{COMPARED})]"
-            )
+            site.until(lambda: agreed(page), "what is shown is not the age of what is to be seen")
+            assert min(page.evaluate("ages")) >= 1000 * delay_s
         finally:
             child.terminate()
     plant.start_vision()
-    by_picture = float(np.median(ages))
-    assert by_picture >= 1000 * delay_s
-    assert int(SHOWN.fullmatch(shown)[2]) == pytest.approx(by_picture, abs=40)
+
+
+def agreed(page):
+    """Return the readings whose words agree with the pictures that they are said of.
+
+    A busy machine makes a picture later than the tick that it is told to be of, and then it is
+    younger than the words; no load makes words agree that are always wrong.
+    """
+    told = [(SHOWN.fullmatch(words), age) for words, age in page.evaluate("readings")]
+    return [age for shown, age in told if shown and abs(int(shown[2]) - age) <= AGREE_MS]
