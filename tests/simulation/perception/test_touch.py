@@ -69,6 +69,18 @@ def test_pressing_a_wall_with_the_tool_is_seen_and_no_push(play):
     assert run.events("touched") == []
 
 
+def test_an_arm_that_a_stick_drives_into_a_table_stops_lets_go_and_never_faults(play):
+    """A link beside the tool meets it; s2 stops dead at 0.9 rad/s, and its command does not."""
+    stick = {"twist": [0.0, 0.0, -0.4, 0.0, 0.0, 0.0], "expressed_in": "base"}
+    run = play({"at_s": 0.1, "cmd/joystick": stick}, seconds=2.2)
+    (felt,) = run.events("touched")
+    assert felt.values["joint"] == "s2"
+    assert run.events("fault") == []
+    assert run.summary["mode"] == "hold"
+    assert not any(any(truth.contact_force) for truth in run.truths[-20:])
+    assert run.summary["limit_violations"] == 0
+
+
 def test_an_arm_that_cannot_feel_says_so_and_that_it_can_again(pa10):
     """Two SYNCs of known instants in a row are too few: an acceleration takes three."""
     script = Script.model_validate({"duration_s": 5.0, "step": [MOVING]})
