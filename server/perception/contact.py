@@ -155,8 +155,11 @@ class PressedTool(ToolContact):
 
     @property
     def free(self) -> bool:
-        """True while the tool presses with no more than it did at the least."""
-        return self.off_n <= UNKNOWN_LOAD.force
+        """True while the tool presses with no more than it did at the least, and did not lately.
+
+        A mean over taps is a load to nobody: the arm would follow what it lacks back into contact.
+        """
+        return self.off_n <= UNKNOWN_LOAD.force and not any(self._stays)
 
     def rest(self) -> None:
         """Forget: the sources lead the arm."""
