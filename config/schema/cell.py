@@ -57,6 +57,12 @@ class LimitsSection(Section):
     """Bounds of the tool's motion; joint bounds stand with the drives."""
 
     speed: float = Field(0.5, gt=0, le=10, description="MRF speed [m/s]")
+    jog_speed: float = Field(
+        10.0, gt=0, le=10, description="MRF speed of a jog, where that is less [m/s]"
+    )
+    posture_speed: float = Field(
+        10.0, gt=0, le=10, description="MRF speed towards a posture, where that is less [m/s]"
+    )
     angular_speed: float = Field(1.5, gt=0, le=20, description="MRF angular speed [rad/s]")
     acceleration: float = Field(2.0, gt=0, le=100, description="shaping of commands [m/s²]")
     angular_acceleration: float = Field(6.0, gt=0, le=300, description="the same [rad/s²]")

@@ -414,11 +414,18 @@ class Arm:
             # The rows belong to the MRF: singularities are judged there, too.
             twist, left = held.part(twist), held.part(left)
             request = request._replace(lever=np.zeros(3))
-        joint_rates = None
+        joint_rates: Array | None = None
+        limits: tuple[str, ...] = ()
         if inputs.intent is Intent.MOVE:
             joint_rates = self.joint_motion.rates(
                 q, inputs.jog, inputs.posture, inputs.settings.speed_factor
             )
+            if joint_rates is not None:
+                bounds = self.p.limits
+                most = bounds.posture_speed if inputs.jog is None else bounds.jog_speed
+                share = self.tool_share(k.J @ joint_rates, inputs.settings.speed_factor, most)
+                if share < 1.0:
+                    joint_rates, limits = share * joint_rates, ("tool_speed",)
             if joint_rates is not None and inputs.jog is None:
                 joint_rates = self.body.with_drive(
                     joint_rates, inputs.drive, inputs.settings.speed_factor
@@ -430,7 +437,8 @@ class Arm:
                 joint_rates = self._relieved(joint_rates, relief, k.J, seen.wrench)
             twist = k.J @ joint_rates
         s_tool = self.tool_share(twist, inputs.settings.speed_factor)
-        limits: tuple[str, ...] = ("tool_speed",) if s_tool < 1.0 else ()
+        if s_tool < 1.0:
+            limits = ("tool_speed",)
         if joint_rates is not None:
             found = JointRates(s_tool * joint_rates, self.redundancy.none())
             return DesiredRates(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
@@ -561,13 +569,16 @@ class Arm:
         told = told or bool(np.count_nonzero(inputs.wrench_desired))
         return told or self.task.orders(twists)
 
-    def tool_share(self, twist: Array, factor: float) -> float:
-        """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow."""
+    def tool_share(self, twist: Array, factor: float, most: float = math.inf) -> float:
+        """Return the share (0 to 1) of a twist (6,) that the tool's speed bounds allow.
+
+        `most` bounds its speed, too [m/s].
+        """
         v, w = sizes(twist)
         limits = self.p.limits
         return min(
             1.0,
-            factor * limits.speed / max(v, 1e-12),
+            factor * min(limits.speed, most) / max(v, 1e-12),
             factor * limits.angular_speed / max(w, 1e-12),
         )
 
