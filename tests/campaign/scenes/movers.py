@@ -27,6 +27,8 @@ Does = Literal["chase", "turn", "stop", "silent"]
 
 FASTEST = 0.95
 """Part of its stated bounds that a mover uses [1]."""
+ACTS_AFTER = 3
+"""News is heard in the next period, and what is commanded then acts two later [1]."""
 EVERY_S = 0.05
 """A mover that can turn at once takes aim so often [s]."""
 
@@ -75,6 +77,15 @@ class Touch(NamedTuple):
     [m/s]; 0 for a link that turns about its own axis, or does not move at all."""
 
 
+class Reach(NamedTuple):
+    """What an arm could do about a mover since it was told of it."""
+
+    deep_m: float
+    """How deep the mover would be in the arm now if that stood where it was then [m]."""
+    away_m: float
+    """By how much, from there, all joints take what is deepest away from it at most [m]."""
+
+
 class Chase:
     """Moves what moves in a run: `run` once a tick, `step` in every physics step."""
 
@@ -86,7 +97,9 @@ class Chase:
         joints = [model.joint(j.name) for j in cell.robot.joints]
         self._links = [int(joint.bodyid[0]) for joint in joints]
         self._dofs = [int(joint.dofadr[0]) for joint in joints]
-        self._fastest = np.array([d.max_velocity for d in cell.config.mechanism.drives])
+        self._world, drives = world, cell.config.mechanism.drives
+        self._fastest = np.array([d.max_velocity for d in drives])
+        self._quickest = np.array([d.max_acceleration for d in drives])
         root = model.body_rootid[self._links[0]]
         own = (model.body_rootid[model.geom_bodyid] == root) & (model.geom_contype > 0)
         self._arm = np.flatnonzero(own)
@@ -98,6 +111,8 @@ class Chase:
         self._velocity: dict[str, Vector] = {}
         self._told_s: dict[str, float] = {}
         self._since_s: dict[str, float] = {}
+        self._since: dict[str, tuple[Vector, Vector]] = {}
+        """Joint angles and rates when a mover was first told of (n,) [rad, rad/s]."""
         self._silent: set[str] = set()
         self._aimed_s: dict[str, float] = {}
         self.touching: dict[str, Touch] = {}
@@ -125,6 +140,7 @@ class Chase:
             if name in self._silent or name not in self._since_s:
                 self._told_s.pop(name, None)
                 self._since_s[name] = at_s
+                self._since[name] = self._world.q.copy(), self._world.dq.copy()
             wanted = self._velocity.get(name, np.zeros(3))
             if m.obstacle.max_acceleration is not None or self._due(name, at_s):
                 wanted = self._wanted(m.obstacle, act)
@@ -135,12 +151,30 @@ class Chase:
         """Return for how long a mover has been told of [s]; 0 while it is not."""
         return 0.0 if name in self._silent else at_s - self._since_s.get(name, at_s)
 
-    def beside(self, name: str, within: float, faster: float) -> str:
-        """Return another mover that is so near the arm [m] and so fast [m/s], or nothing."""
-        others = [m.obstacle for m in self._movers if m.obstacle.name != name]
-        return next(
-            (o.name for o in others if o.max_speed > faster and any(self._gaps(o.name, within))), ""
-        )
+    def reach(self, name: str, told_s: float) -> Reach:
+        """Return what the arm could do about a mover that it was told of `told_s` ago [s].
+
+        Each joint turns at most as it may be accelerated from the rate that it had, and no faster
+        than it may go; each point of the arm moves by no more than all that together. News acts
+        `ACTS_AFTER` periods later.
+        """
+        t = max(0.0, told_s - ACTS_AFTER * self._period_s)
+        now, (q, dq) = self._world.q.copy(), self._since[name]
+        turned = np.minimum(self._fastest * t, np.abs(dq) * t + 0.5 * self._quickest * t * t)
+        self._stand(q)
+        found = min(self._gaps(name, 0.0), key=lambda each: each[0], default=None)
+        reach = Reach(0.0, 0.0)
+        if found is not None:
+            gap, geom, at = found
+            J = self._jacobian(int(self._model.geom_bodyid[geom]), at)
+            reach = Reach(-gap, float(np.linalg.norm(J, axis=0) @ turned))
+        self._stand(now)
+        return reach
+
+    def _stand(self, q: Vector) -> None:
+        self._world.q[:] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
 
     def end(self, touching: str = "", away: Vector | None = None) -> None:
         """Let all movers stand, but for one that backs `away` (3,), length 1."""
@@ -171,9 +205,13 @@ class Chase:
                 yield gap, geom, fromto[:3]
 
     def _escape(self, body: int, at: Vector, away: Vector) -> float:
+        return float(np.abs(away @ self._jacobian(body, at)) @ self._fastest)
+
+    def _jacobian(self, body: int, at: Vector) -> Vector:
+        """Return how a place (3,) on a body moves with the joints (3, n)."""
         J = np.zeros((3, self._model.nv))
         mujoco.mj_jac(self._model, self._data, J, None, at, body)
-        return float(np.abs(away @ J[:, self._dofs]) @ self._fastest)
+        return J[:, self._dofs]
 
     def _due(self, name: str, at_s: float) -> bool:
         """Return whether one that turns at once takes aim again."""

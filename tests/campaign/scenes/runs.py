@@ -14,7 +14,7 @@ from telerobot.tools.simulation.simulation import Simulation
 
 from ..part import Part, Selection
 from .clutter import HOSTILE_S, PROMISE, Clutter, make_clutter
-from .movers import Chase
+from .movers import Chase, Reach
 
 CELL = "pa10"
 DEEPER = 0.001
@@ -25,8 +25,6 @@ into the capsules around links, which are more than the links, is kept from thes
 SLOW = 0.2
 """A mover that is told of, and no faster, is given way to: it does not hit the arm [m/s]. An arm
 steps aside for no more where it stands; none is asked to where its joints are slower there."""
-BELIEVED_S = 0.2
-"""News of what comes acts in full after so long [s]."""
 PAUSE_S = 0.3
 """Between the hostile part and the retreat [s]."""
 RETREAT = 0.15
@@ -56,19 +54,22 @@ class Hit(NamedTuple):
     """It had been told of for so long; 0: nobody did [s]."""
     escape: float
     """Greatest speed at which the joints take what was hit from it [m/s]."""
-    beside: str
-    """Another mover that is quicker than `SLOW`, and nearer than the promise; or empty."""
+    reach: Reach
+    """What the arm could do about it since it was told."""
 
     @property
     def why_not(self) -> str:
         """Reason why no law is asked to avoid it; empty where the arm was to step aside."""
-        if self.told_s < BELIEVED_S:
-            return f"it was told of for {self.told_s:.2f} s, at least {BELIEVED_S:g} s count"
+        if not self.told_s:
+            return "nobody tells of it"
+        if self.reach.away_m < self.reach.deep_m:
+            return (
+                f"in the {self.told_s:.2f} s that it was told of the joints get out of its way by "
+                f"{1e3 * self.reach.away_m:.1f} mm at most, of {1e3 * self.reach.deep_m:.1f} mm"
+            )
         if self.escape <= self.speed:
             return f"the joints take that place away at {self.escape:.2f} m/s at most"
-        if self.speed > SLOW:
-            return f"it is quicker than {SLOW:g} m/s"
-        return f"{self.beside} is there, too, and quicker than {SLOW:g} m/s" * bool(self.beside)
+        return f"it is quicker than {SLOW:g} m/s" * (self.speed > SLOW)
 
     @property
     def words(self) -> str:
@@ -186,8 +187,8 @@ class _Judge:
                 if name in self.hits:
                     continue
                 speed, told_s = self._movers[f"obstacle_{name}"], self._chase.told_for(name, at_s)
-                beside = self._chase.beside(name, PROMISE, SLOW)
-                self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, beside)
+                reach = self._chase.reach(name, told_s)
+                self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, reach)
 
     @property
     def _at_s(self) -> float:
@@ -336,8 +337,8 @@ class SceneSummary:
             "left on a retreat": f"all but {f['did_not_leave']}, must be all; "
             f"{f['left_aside']} not straight away from what was nearest, but aside",
             "closed in": f"{f['closed_in']} besides, from where a search finds no way out either",
-            "hit by movers": f"{f['hits_avoidable']} times by what was told of for {BELIEVED_S:g} "
-            f"s, no quicker than {SLOW:g} m/s or the joints, beside nothing quicker; must be 0",
+            "hit by movers": f"{f['hits_avoidable']} times by what was told of, in time, and is no "
+            f"quicker than {SLOW:g} m/s or the joints; must be 0",
             "hit all the same": f"{int(str(f['hits'])) - int(str(f['hits_avoidable']))} times, in "
             f"{f['scenes_hit']} scenes, which do not count as passed",
             "limit violations": f"{f['limit_violations']}, must be 0",

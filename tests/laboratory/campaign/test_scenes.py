@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from laboratory.campaign.scenes import runs
 from laboratory.campaign.scenes.clutter import HOSTILE_S, KINDS, PROMISE, make_clutter
-from laboratory.campaign.scenes.movers import Chase
+from laboratory.campaign.scenes.movers import Chase, Reach
 from laboratory.campaign.scenes.runs import Hit, SceneSummary, play
 from telerobot.config.load import altered, load_cell
 from telerobot.tools.simulation.simulation import Simulation
+
+EASY = Reach(0.01, 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +76,8 @@ def test_movers_keep_the_bounds_that_are_stated_of_them():
         ({"left": False}, "did not leave"),
         ({"closed_m": 0.01}, "own motion"),
         ({"limit_violations": 1}, "limit violations"),
-        ({"hits": (Hit("mover0", 1.0, 0.15, 0.9, 0.4, ""),)}, "hit at 1.00 s by mover0"),
+        ({"hits": (Hit("mover0", 1.0, 0.15, 0.9, 0.4, EASY),)}, "hit at 1.00 s by mover0"),
+        ({"hits": (Hit("mover0", 1.0, 0.15, 0.1, 0.4, EASY),)}, "hit at 1.00 s by mover0"),
         ({"kind": "inside", "held_m": 0.01, "least_m": 0.008}, "deeper inside"),
     ],
 )
@@ -88,12 +91,12 @@ def test_what_speaks_against_a_run_is_found(scenes, change, word):
 @pytest.mark.parametrize(
     ("hit", "why"),
     [
-        (Hit("mover0", 1.0, 0.25, 0.9, 0.4, ""), "quicker than 0.2 m/s"),
-        (Hit("mover0", 1.0, 0.15, 0.9, 0.1, ""), "take that place away at 0.10 m/s"),
-        (Hit("mover0", 1.0, 0.15, 0.0, 0.4, ""), "told of for 0.00 s"),
-        (Hit("mover0", 1.0, 0.15, 0.9, 0.4, "mover1"), "mover1 is there, too"),
+        (Hit("mover0", 1.0, 0.25, 0.9, 0.4, EASY), "quicker than 0.2 m/s"),
+        (Hit("mover0", 1.0, 0.15, 0.9, 0.1, EASY), "take that place away at 0.10 m/s"),
+        (Hit("mover0", 1.0, 0.15, 0.0, 0.4, EASY), "nobody tells of it"),
+        (Hit("mover0", 1.0, 0.15, 0.1, 0.4, Reach(0.009, 0.004)), "4.0 mm at most, of 9.0 mm"),
     ],
-    ids=["fast", "at the root", "silent", "between two"],
+    ids=["fast", "at the root", "silent", "late"],
 )
 def test_a_hit_that_no_arm_can_avoid_is_counted_and_told_with_its_reason(scenes, hit, why):
     run = dataclasses.replace(scenes[0], hits=(hit,))
