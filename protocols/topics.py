@@ -295,6 +295,8 @@ JOYSTICK = _command("joystick", m.JoystickTwist, Life.STREAM, 100)
 POSITION = _command("position", m.PositionTarget, Life.GOAL)
 FORCE = _command("force", m.DesiredWrench, Life.GOAL)
 JOG = _command("jog", m.JointJog, Life.STREAM, 100)
+SELF_MOTION = _command("self_motion", m.SelfMotion, Life.STREAM, 100)
+ARM_ANGLE = _command("arm_angle", m.ArmAngle, Life.GOAL)
 POSTURE = _command("posture", m.PostureMove, Life.GOAL)
 PATH = _command("path", motion.PathMotion, Life.GOAL)
 MASTER_POSE = _command("master_pose", motion.MasterPose, Life.STREAM, 100)
@@ -365,7 +367,8 @@ RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=Tr
 RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
 
 TOPICS: tuple[Topic, ...] = (
-    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, POSTURE, PATH, MASTER_POSE, DRIVE, INSERT, CANCEL,
+    KEEPALIVE, JOYSTICK, POSITION, FORCE, JOG, SELF_MOTION, ARM_ANGLE, POSTURE, PATH, MASTER_POSE,
+    DRIVE, INSERT, CANCEL,
     SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE, VIDEO, SCAN,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,

@@ -19,6 +19,7 @@ class Why(StrEnum):
     NOT_NOW = "not_now"
     OUT_OF_RANGE = "out_of_range"
     WRONG_JOINTS = "wrong_joints"
+    NO_SPARE_JOINT = "no_spare_joint"
     UNKNOWN_POSTURE = "unknown_posture"
     UNKNOWN_PAYLOAD = "unknown_payload"
     UNKNOWN_SOURCE = "unknown_source"

@@ -30,7 +30,7 @@ from .operators.link import Link, network
 from .perception.ahead import Passage
 from .plant import PlantReading
 from .recorder import KeptTick, pack
-from .units.unit import Unit, described_base, described_insertion
+from .units.unit import Unit, described_base, described_insertion, described_self_motion
 from .units.units import JointUnit, Units
 
 DESCRIBE_EVERY_S = 0.2
@@ -76,6 +76,7 @@ def _described(part: Cell) -> dict[str, Any]:
         "slides": slides if any(slides) else (),
         "insertion": described_insertion(part),
         "base": described_base(part),
+        "self_motion": described_self_motion(part),
         "max_velocity": tuple(d.max_velocity for d in drives),
         "postures": config.mechanism.postures,
         "sources": SOURCES,
@@ -85,7 +86,7 @@ def _described(part: Cell) -> dict[str, Any]:
 
 def _described_joint(cell: Cell, task: JointTaskSection) -> dict[str, Any]:
     """Return what is described of a task that several mechanisms hold: the first one's joints."""
-    return {**_described(joint_part(cell, task)), "task": task.name}
+    return {**_described(joint_part(cell, task)), "task": task.name, "self_motion": None}
 
 
 class TickRecord(NamedTuple):
@@ -182,6 +183,7 @@ def _of_task(
             for name, gain in output.objectives.gains.items()
         },
         "arm_angle": unit.arm_angle,
+        "arm_angle_target": commands.self_motion.target,
         "axes_held": (1.0,) * 6 if output.task.held is None else _six(output.task.held),
         "path": None if path is None else _numbers(path),
         "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),

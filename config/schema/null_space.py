@@ -186,6 +186,13 @@ class RedundancySection(ObjectivesSection):
     max_rate: float = Field(
         0.5, ge=0, le=10, description="bound of the self-motion, as a part of V [1]"
     )
+    arm_angle_speed: float = Field(
+        0.5,
+        gt=0,
+        le=10,
+        description="fastest that an operator turns the elbow about the line from shoulder to "
+        "wrist, of an arm with such an elbow [rad/s]",
+    )
 
     @field_validator("along_direction")
     @classmethod

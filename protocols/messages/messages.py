@@ -151,6 +151,30 @@ class JointJog(MechanismCommand):
     rates: JointVector
 
 
+class SelfMotion(MechanismCommand):
+    """Rate at which the spare joints move while the tool stays, or goes its way; a stream.
+
+    Of an arm with an arm angle φ that of φ [rad/s], positive right-handed about the way from
+    shoulder to wrist. Of another redundant arm a part of its quickest [1]: at ±1 the quickest of
+    its joints goes at its bound of self-motion. The direction begins as that in which the middle
+    joint turns on, and goes over smoothly while it moves.
+    """
+
+    rate: float = Field(ge=-10, le=10)
+
+
+class ArmAngle(MechanismCommand):
+    """Arm angle φ to go to by the shorter way while the tool stays, or goes its way; a goal.
+
+    It is kept once it is reached, until another replaces it, the spare joints are moved otherwise,
+    or goals are cancelled.
+    """
+
+    angle: float = Field(ge=-3.1416, le=3.1416)
+    speed: float | None = Field(None, gt=0, le=10)
+    """[rad/s]; the cell's when absent, never more than that."""
+
+
 class PostureMove(MechanismCommand):
     """Joint posture to move to: a name from the cell or angles [rad].
 

@@ -29,7 +29,8 @@ class TaskState(Message):
     `arm_angle` is where the commanded elbow is on its circle about the line from shoulder to wrist
     [rad]: 0 furthest along the first shoulder axis, positive right-handed about the way from
     shoulder to wrist. None for an arm without such an elbow, with the elbow on that line, and with
-    the wrist on the first axis; none of a payload in several hands.
+    the wrist on the first axis; none of a payload in several hands. `arm_angle_target` is where an
+    operator leads it to.
 
     `frames` holds the poses of Base and Carrier, where these may move, as the control has them, and
     `frame_age_ticks` how old the newest news of each is, None when stale; `ground` is what motion
@@ -69,6 +70,7 @@ class TaskState(Message):
     objectives: dict[str, tuple[float, float]]
     axes_held: Vector6 = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     arm_angle: float | None = None
+    arm_angle_target: float | None = None
     path: dict[str, float] | None
     path_mrf: Vector6 | None
     master: dict[str, float]
@@ -165,6 +167,9 @@ class TaskDescription(Message):
     base: dict[str, float] | None = None
     """Of a base on wheels: its greatest `speed` [m/s] and `angular_speed` [rad/s]; of a gantry, of
     its second axis [m/s]."""
+    self_motion: dict[str, float] | None = None
+    """Greatest rate of its spare joints by hand: of its `arm_angle` [rad/s], or a `share` of their
+    quickest [1]. None for an arm that has no spare joint while its task holds all axes."""
 
 
 class Description(TaskDescription):

@@ -1,5 +1,6 @@
 """Commands in force: streams with their age, goals, the desired wrench, settings and frames."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, Generic, Self, TypeVar
@@ -18,15 +19,18 @@ from ...protocols.topics import TOPICS, Flow
 from ..control.backbone.fit import Chain
 from ..control.inputs import (
     STILL,
+    UNASKED,
     DriveRequest,
     Goal,
     Inputs,
     Intent,
     PathGoal,
     Pursuit,
+    SelfMotionRequest,
     Settings,
     StickCommand,
 )
+from ..control.mechanism.self_motion import REACHED, HandState
 from ..control.scene import GROUNDS, FrameTree, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist
 from ..control.state import Output
@@ -199,6 +203,107 @@ def drive_commands(cell: Cell) -> DriveCommands:
     if base is None:
         return InsertionCommands.from_cell(cell)
     return BaseCommands(base, cell.config.timing.stream_timeout_s)
+
+
+# --- Commands of the spare joints: a stream of their rate, or an arm angle to go to ---------------
+
+STUCK_S: Final = 2.0
+"""An angle that comes no nearer for so long is out of reach [s]."""
+NEARER: Final = 1e-3
+"""By this an angle has come nearer [rad]."""
+
+
+class SelfMotionCommands:
+    """How the operator moves the spare joints of one arm."""
+
+    def __init__(self, timeout_s: float, most: float = 0.0, *, angled: bool = False) -> None:
+        """Build it for rates of at most `most`: of the arm angle [rad/s] where the arm is `angled`.
+
+        Else in parts of its quickest [1]. Without one every command is refused.
+        """
+        self._most, self._angled = most, angled
+        self._stream = Stream[m.SelfMotion](timeout_s)
+        self._goal: SelfMotionRequest | None = None
+        self._least, self._since_s = math.inf, 0.0
+        self.spare: Callable[[], int] = lambda: 0
+        """How many freedoms are spare now."""
+
+    @property
+    def target(self) -> float | None:
+        """Arm angle that is gone to, or kept [rad]."""
+        return None if self._goal is None else self._goal.angle
+
+    def take(self, message: m.SelfMotion, now_s: float) -> bool:
+        """Put a rate in force; return whether it asks for motion, which ends an angle.
+
+        Raises `Refused`.
+        """
+        moves = message.rate != 0.0
+        if moves:
+            self._require_spare()
+        if abs(message.rate) > self._most * (1 + 1e-9):
+            unit = " rad/s of the arm angle" if self._angled else ", of 1 for the quickest"
+            raise Refused(
+                Why.OUT_OF_RANGE, f"rate: {message.rate:g}{unit}: at most {self._most:g} either way"
+            )
+        self._stream.take(message, now_s)
+        if moves:
+            self.drop()
+        return moves
+
+    def lead_to(self, message: m.ArmAngle, now_s: float) -> None:
+        """Put an angle in force. Raises `Refused`."""
+        self._require_spare()
+        if not self._angled:
+            why = "the arm has no arm angle: its axes make no shoulder, elbow and wrist"
+            raise Refused(Why.UNKNOWN_MECHANISM, why)
+        self._stream.clear()
+        speed = min(message.speed or self._most, self._most)
+        self._goal = SelfMotionRequest(speed, message.angle)
+        self._least, self._since_s = math.inf, now_s
+
+    def newest(self, now_s: float) -> SelfMotionRequest:
+        """Return what is in force now."""
+        if self._goal is not None:
+            return self._goal
+        message = self._stream.newest(now_s)
+        return UNASKED if message is None else SelfMotionRequest(message.rate)
+
+    def expired(self, now_s: float) -> bool:
+        """Return whether a stream fell silent that was to move something, and forget it."""
+        message = self._stream.expire(now_s)
+        return message is not None and message.rate != 0.0
+
+    def look(self, state: HandState, now_s: float) -> bool | None:
+        """Return whether the angle is reached, once: False where it is out of reach, and dropped.
+
+        None as long as neither is so; `state` is how far it has come.
+        """
+        goal, left = self._goal, abs(state.left)
+        if goal is None or goal.kept:
+            return None
+        if left <= REACHED:
+            self._goal = goal._replace(kept=True)
+            return True
+        if left < self._least - NEARER:
+            self._least, self._since_s = left, now_s
+        elif now_s - self._since_s > STUCK_S:
+            self._goal = None
+            return False
+        return None
+
+    def drop(self) -> None:
+        """Drop the angle."""
+        self._goal = None
+
+    def clear(self) -> None:
+        """Drop angle and stream."""
+        self._stream.clear()
+        self._goal = None
+
+    def _require_spare(self) -> None:
+        if self.spare() < 1:
+            raise Refused(Why.NO_SPARE_JOINT, "the arm has no spare joint: its task holds them all")
 
 
 # --- Goals: where the arm is to go. They hold until they are replaced, cancelled or reached -------
@@ -409,9 +514,13 @@ class Commands:
         self._stream_timeout_s = stream_timeout_s
         self._stick = Stream[m.JoystickTwist](stream_timeout_s)
         self._jog = Stream[m.JointJog](stream_timeout_s)
+        self.self_motion = SelfMotionCommands(stream_timeout_s)
+        """Of an arm without a spare joint, unless its unit knows better."""
         self._take: dict[type[m.Message], Callable[..., None]] = {
             m.JoystickTwist: self._take_stick,
             m.JointJog: self._take_jog,
+            m.SelfMotion: self._take_self_motion,
+            m.ArmAngle: self._take_arm_angle,
             m.PositionTarget: self._take_target,
             m.PostureMove: self._take_posture,
             m.DesiredWrench: self._take_wrench,
@@ -466,6 +575,8 @@ class Commands:
                 return any(message.twist)
             case m.JointJog() | drive.Drive():
                 return any(message.rates)
+            case m.SelfMotion() | m.ArmAngle():
+                return False
             case motion.MasterPose():
                 return self.goals.goal is not None
             case _:
@@ -484,6 +595,19 @@ class Commands:
         self._joints.check_rates(message.rates)
         self._jog.take(message, now_s)
         self._drop_goals()
+
+    def _take_self_motion(self, message: m.SelfMotion, now_s: float, _T: Pose) -> None:
+        if self.self_motion.take(message, now_s):
+            self._place_spare_joints()
+
+    def _take_arm_angle(self, message: m.ArmAngle, now_s: float, _T: Pose) -> None:
+        self.self_motion.lead_to(message, now_s)
+        self._place_spare_joints()
+
+    def _place_spare_joints(self) -> None:
+        """Let no objective lead spare joints away from where an operator puts them."""
+        self.goals.leave_posture()
+        self.goals.idle = True
 
     def _take_target(self, message: m.PositionTarget, _now_s: float, T_world_mrf: Pose) -> None:
         tree = self.frames.tree(T_world_mrf)
@@ -539,6 +663,7 @@ class Commands:
 
     def _drop_goals(self) -> None:
         self._insertion.drop()
+        self.self_motion.drop()
         self.goals.drop()
         self.master.wait()
 
@@ -579,6 +704,7 @@ class Commands:
         self._stick.clear()
         self._jog.clear()
         self._insertion.clear()
+        self.self_motion.clear()
         self.settings.settle_vision()
         self.handle.protect()
         self._drop_goals()
@@ -592,6 +718,7 @@ class Commands:
             "joystick": stick is not None and any(stick.twist),
             "jog": jog is not None and any(jog.rates),
             "drive": self._insertion.expired(now_s),
+            "self_motion": self.self_motion.expired(now_s),
         }
         names = [name for name, moved in silent.items() if moved]
         if self.master.expired(now_s, self._stream_timeout_s):
@@ -631,6 +758,7 @@ class Commands:
             ground=self.ground(now_s),
             T_wrist_goal=goals.T_wrist_goal,
             drive=self._insertion.newest(now_s),
+            self_motion=self.self_motion.newest(now_s),
         )
 
     def by_joint(self, now_s: float) -> bool:

@@ -35,7 +35,9 @@ from .mechanism.field import Field, advance_offset, on_path
 from .mechanism.joint_rates import FOLDING, JointMotion, at_posture
 from .mechanism.model import Dynamics, Mechanism
 from .mechanism.redundancy import Redundancy
-from .mechanism.resolution import resolve
+from .mechanism.resolution import bend, resolve
+from .mechanism.self_motion import IDLE as IDLE_HAND
+from .mechanism.self_motion import LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
@@ -331,6 +333,7 @@ class Arm:
             off_path=task.off_path,
             insertion=memory.insertion,
             held=held,
+            by_hand=memory.by_hand,
         )
         asked = self.resolved(twists, request, seen, whole)
         asked = self._coming_back(stance, inputs, seen, asked)
@@ -371,6 +374,7 @@ class Arm:
         """Return the memory with the newest wrench, and with the gains in effect.
 
         Those of the task and of the redundancy objectives are scheduled, and ramped while moving.
+        While an operator moves the spare joints, only objectives that look at obstacles act.
         """
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         objectives = settings.objectives or self.redundancy.objectives
@@ -383,6 +387,8 @@ class Arm:
             settings.at_once,
             settings.held,
         )
+        if moving and (inputs.self_motion.acts or memory.by_hand.moves):
+            objectives = self.standing.of_outside(objectives)
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
         return evolve(
@@ -446,6 +452,8 @@ class Arm:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
         request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
+        if request.led_by_hand:
+            request = self._led_by_hand(request, k.J)
         found = self.body.rates(seen, request)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
         if held is not None:
@@ -454,7 +462,26 @@ class Arm:
             if share < 1.0:
                 dq, s_tool, limits = share * dq, share * s_tool, (*limits, "tool_speed")
         limits += found.limits
+        if inputs.self_motion.orders and found.by_hand is IDLE_HAND and NONE_SPARE not in limits:
+            limits += (NONE_SPARE,)
         return DesiredRates(dq, twists, twist, s_tool, limits, found, held=held)
+
+    def _led_by_hand(self, request: RateRequest, J: Array) -> RateRequest:
+        """Return the request of an arm whose spare joints an operator moves.
+
+        Obstacles are looked at at a posture, too. The twist that the spare joints move the tool by,
+        since their rates come late, is taken off.
+        """
+        if request.inputs.at_posture:
+            request = request._replace(
+                inputs=evolve(request.inputs, at_posture=False),
+                objectives=self.standing.of_outside(request.objectives),
+            )
+        going = request.by_hand.going
+        if len(going) == 0:
+            return request
+        slides = LATE * self.p.period_s * bend(J, going, going, 1.0)
+        return request._replace(twist=request.twist - slides)
 
     def _whole(self, inputs: Inputs, q: Array, k: Kinematics, objectives: ObjectiveGains) -> Whole:
         """Return what is taken whole at the commanded posture q (n,), whose kinematics are `k`.
@@ -565,7 +592,7 @@ class Arm:
 
         News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
         """
-        told = inputs.jog is not None or inputs.posture is not None
+        told = inputs.jog is not None or inputs.posture is not None or inputs.self_motion.orders
         told = told or bool(np.count_nonzero(inputs.wrench_desired))
         return told or self.task.orders(twists)
 
@@ -638,6 +665,7 @@ class Arm:
             torque=actuated.state,
             station=station,
             resistance=allowed.resistance,
+            by_hand=asked.found.by_hand.along(limited.motion.dq),
             max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
             task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
         )

@@ -113,6 +113,31 @@ class DriveRequest(NamedTuple):
 STILL = DriveRequest()
 
 
+class SelfMotionRequest(NamedTuple):
+    """How the operator moves the spare joints, whatever the tool does."""
+
+    rate: float = 0.0
+    """Of the arm angle [rad/s]; of an arm without one as a part of its quickest [1]. At most, where
+    it is to an angle."""
+    angle: float | None = None
+    """Arm angle to go to [rad]; None: at the rate."""
+    kept: bool = False
+    """The angle was reached, and is kept."""
+
+    @property
+    def acts(self) -> bool:
+        """True while the spare joints are the operator's."""
+        return self.rate != 0.0 or self.angle is not None
+
+    @property
+    def orders(self) -> bool:
+        """True while they are told to move."""
+        return self.acts and not self.kept
+
+
+UNASKED = SelfMotionRequest()
+
+
 class Fold(NamedTuple):
     """A posture that the arm folds to."""
 
@@ -268,3 +293,5 @@ class Inputs:
     """How the operator drives an arm with a backbone as a whole."""
     beside: JointFeedforward = NOTHING
     """Joint rates that are asked for beside the task's twists."""
+    self_motion: SelfMotionRequest = UNASKED
+    """How the operator moves the spare joints."""

@@ -11,6 +11,7 @@ from .grasps.held import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
 from .mechanism.redundancy import Near
+from .mechanism.self_motion import IDLE, HandState
 from .mechanism.wrench import WristMemory
 from .spatial import Array, Motion, Pose
 from .stop.limiter import Commanded
@@ -46,6 +47,8 @@ class ArmMemory:
     """The payload that it holds with others; None for an arm with a task alone."""
     insertion: Insertion | None = None
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion has come."""
 
 
 class Memory(NamedTuple):

@@ -7,12 +7,13 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.canopen.cia402 import DriveState
-from ..commands.commands import Commands
+from ..commands.commands import Commands, SelfMotionCommands
 from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
-from ..control.inputs import NOTHING, STILL, Fold, Inputs, Intent, JointFeedforward
+from ..control.inputs import NOTHING, STILL, UNASKED, Fold, Inputs, Intent, JointFeedforward
+from ..control.mechanism.model import Mechanism
 from ..control.scene import Moved
 from ..control.spatial import Array, Motion, Pose
 from ..control.state import ArmMemory, Output
@@ -57,11 +58,19 @@ def tick_inputs(
     moving, drive = intent is Intent.MOVE, asked.drive
     if not moving:
         drive = STILL
-        asked = evolve(asked, stick=None, jog=None, goal=None, posture=None, beside=NOTHING)
+        asked = evolve(
+            asked,
+            stick=None,
+            jog=None,
+            goal=None,
+            posture=None,
+            beside=NOTHING,
+            self_motion=UNASKED,
+        )
     if withdraws:
         # Once touched, an arm in tunnels may withdraw as a curve, and do nothing else.
         drive = drive._replace(back_only=True)
-        asked = evolve(asked, jog=None, posture=None)
+        asked = evolve(asked, jog=None, posture=None, self_motion=UNASKED)
     grounds_move = perception.moving_frames.watching
     return evolve(
         asked,
@@ -217,6 +226,12 @@ class Unit:
         self.events = events.of(cell.prefix.removesuffix("."))
         self.task, self.mechanism = cell.task, cell.config.mechanism.name
         self.commands = Commands.from_cell(cell, settings)
+        self.commands.self_motion = SelfMotionCommands(
+            cell.config.timing.stream_timeout_s,
+            arm.body.by_hand.most,
+            angled=arm.mechanism.arm_angle is not None,
+        )
+        self.commands.self_motion.spare = self._spare
         self.ahead = LookingAhead.from_cell(cell)
         """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
@@ -322,9 +337,20 @@ class Unit:
             return False
         return passage.blind(self.arm.body.ahead(commanded.dq))
 
+    def _spare(self) -> int:
+        """Return how many freedoms the task of now leaves to an operator."""
+        settings, insertion = self.commands.control_settings(), None
+        if self.memory is not None:
+            insertion = self.memory.insertion
+        held, ranks = settings.held, None
+        if held is not None:
+            ranks = self.arm.mechanism.held_ranks(held == 1.0, settings.T_wrist_mrf)
+        return self.arm.body.spare(insertion, ranks)
+
     def keep(self, tick: int, memory: ArmMemory, output: Output) -> None:
         """Take in what a tick decided."""
         self._tell_station(memory, output)
+        self._tell_arm_angle(tick, output)
         self.memory, self.output = memory, output
         goals = self.commands.goals
         self.commands.reflect(output)
@@ -346,6 +372,21 @@ class Unit:
             self.events.info("made_way", detail)
         elif before is not None and memory.station is None and output.at_rest:
             self.events.info("came_back")
+
+    def _tell_arm_angle(self, tick: int, output: Output) -> None:
+        """Tell when the elbow is where it was to go, and when it gets no nearer."""
+        commands, now_s = self.commands.self_motion, tick * self.cell.config.timing.period_s
+        target = commands.target
+        found = commands.look(output.desired.found.by_hand, now_s)
+        if found is None or target is None:
+            return
+        if found:
+            self.events.info("arm_angle_reached", f"{target:.3f} rad")
+            return
+        at = self.arm_angle
+        stands = "on no circle" if at is None else f"at {at:.3f} rad"
+        by = f", by {', '.join(output.limits)}" if output.limits else ""
+        self.events.warning("arm_angle_unreachable", f"{target:.3f} rad: it stands {stands}{by}")
 
     @property
     def outputs(self) -> dict[str, bool]:
@@ -378,3 +419,14 @@ def described_base(part: Cell) -> dict[str, float] | None:
     """Return how fast a base may be driven; None for an arm that has none."""
     base = part.config.mechanism.driven
     return None if base is None else dict(zip(("speed", "angular_speed"), base.most, strict=True))
+
+
+def described_self_motion(part: Cell) -> dict[str, float] | None:
+    """Return how fast spare joints may be moved by hand; None where the task holds them all."""
+    section, mechanism = part.config.mechanism, Mechanism.from_cell(part)
+    others = {*section.beside_chain, *(() if section.gantry is None else section.gantry.joints)}
+    if mechanism.n - len(others) <= (mechanism.arm_rank or mechanism.rank):
+        return None
+    if mechanism.arm_angle is None:
+        return {"share": 1.0}
+    return {"arm_angle": part.config.redundancy.arm_angle_speed}

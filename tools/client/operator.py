@@ -244,6 +244,26 @@ class Motions(ABC):
             self.end_stream(t.DRIVE)
             self.need_lease()
 
+    def self_motion(self, rate: float, seconds: float = 0.0) -> None:
+        """Move the spare joints while the tool stays, or goes its way, for a while.
+
+        At a rate of the arm angle [rad/s], or of an arm without one at a part of its quickest [1].
+        With `seconds` 0, until told otherwise (and only while `spin` is called). Raises as
+        `joystick` does.
+        """
+        self.stream(t.SELF_MOTION, rate=rate)
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(t.SELF_MOTION)
+            self.need_lease()
+
+    def arm_angle(self, angle: float, speed: float | None = None) -> None:
+        """Turn the elbow to an arm angle [rad] while the tool stays, or goes its way.
+
+        Returns at once; `task_state().arm_angle` tells where it is.
+        """
+        self.command(t.ARM_ANGLE, angle=angle, speed=speed)
+
     def insert(self, depth: float, speed: float | None = None) -> None:
         """Insert or withdraw an arm until its tip is so far past the entrance [m].
 

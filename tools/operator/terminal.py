@@ -54,6 +54,9 @@ DRIVES = {"v": 1.0, "b": -1.0}
 TURNS = {",": 1.0, ".": -1.0}
 """Key: direction in which a base on wheels turns, to the left and to the right."""
 
+SPARE = {"z": 1.0, "Z": -1.0}
+"""Key: direction in which the spare joints move, as the elbow on its circle."""
+
 BASE_PER_TOOL = 2.0  # a base is driven so much faster than the tool [1]
 
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # stick speeds to choose from [m/s]
@@ -70,8 +73,9 @@ def opposites(key: str) -> tuple[str, ...]:
         return tuple(k for k, other in AXES.items() if other == (axis, -sign))
     if key in DRIVES:
         return tuple(k for k in DRIVES if k != key)
-    if key in TURNS:
-        return tuple(k for k in TURNS if k != key)
+    for keys in (TURNS, SPARE):
+        if key in keys:
+            return tuple(k for k in keys if k != key)
     return tuple(k for k, sign in JOINT_SIGNS.items() if sign == -JOINT_SIGNS.get(key, 0.0))
 
 
@@ -123,6 +127,13 @@ class Stick:
             ahead * min(BASE_PER_TOOL * self.speed, base["speed"]),
             turn * min(BASE_PER_TOOL * self.turn, base["angular_speed"]),
         )
+
+    def spare(self, held: Collection[str], most: float) -> float:
+        """Return the rate of the spare joints of the keys that are held, at most `most`.
+
+        Of the arm angle as fast as the tool turns [rad/s], or so much of the quickest [1].
+        """
+        return sum(SPARE.get(key, 0.0) for key in held) * min(self.turn, most)
 
     def rates(self, held: Collection[str], max_velocity: Sequence[float]) -> tuple[float, ...]:
         """Return joint rates (n,) [rad/s] of the keys that are held, within (n,) bounds."""
@@ -340,10 +351,11 @@ HELP = """\
  L  take the lease, or give it back q  quit           ?     this help"""
 
 HANDS, TUNNELS = " y  next arm", " v b  insert, withdraw while held"
+ELBOW = " z Z  turn the elbow, or move the spare joints, either way while held: the tool stays"
 WHEELS = " v b  drive ahead, back while held, with  , .  turn to the left, right"
-"""Where the cell has several arms, where an arm goes through tunnels, and where it has wheels."""
+"""Where the cell has several arms, spare joints, an arm that goes through tunnels, or wheels."""
 
-STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE)
+STREAMS = (t.JOYSTICK, t.JOG, t.DRIVE, t.SELF_MOTION)
 
 SILENT_S = 0.3  # telemetry older than this is shown as missing [s]
 
@@ -390,11 +402,15 @@ class KeyboardTeleop:
     def press(self, key: str, now_s: float) -> None:
         """Act on a key. A refusal is printed, never raised."""
         try:
-            driven = (key in DRIVES and self._insertion) or (
-                key in (*DRIVES, *TURNS) and self._base
+            driven = (
+                (key in DRIVES and self._insertion)
+                or (key in (*DRIVES, *TURNS) and self._base)
+                or (key in SPARE and self._spare)
             )
             if key in AXES or key in JOINT_SIGNS or driven:
                 self._move(key, now_s)
+            elif key in SPARE:
+                self._say("the arm has no spare joint: its task holds them all")
             elif key in "123456789":
                 self._choose_joint(int(key) - 1)
             elif key in self._keys:
@@ -406,7 +422,8 @@ class KeyboardTeleop:
     def help(self) -> None:
         """Say what the keys do."""
         several = len(self._tasks) > 1
-        kinds = ((HANDS, several), (TUNNELS, self._insertion), (WHEELS, self._base))
+        elbow, wheels = (ELBOW, self._spare), (WHEELS, self._base)
+        kinds = ((HANDS, several), elbow, (TUNNELS, self._insertion), wheels)
         for line in (*HELP.splitlines(), *(words for words, there in kinds if there)):
             self._say(line)
 
@@ -447,9 +464,13 @@ class KeyboardTeleop:
             if self._base:
                 driven = self.stick.drive(held, self._base)
                 self._client.stream(t.DRIVE, rates=driven, **self._mechanism)
+            if self._spare:
+                rate = self.stick.spare(held, self._spare)
+                self._client.stream(t.SELF_MOTION, rate=rate, **self._mechanism)
         else:
             self._client.end_stream(t.JOYSTICK)
             self._client.end_stream(t.DRIVE)
+            self._client.end_stream(t.SELF_MOTION)
             rates = self.stick.rates(held, self._max_velocity(len(state.q)))
             self._client.stream(t.JOG, rates=rates, **self._mechanism)
 
@@ -482,6 +503,12 @@ class KeyboardTeleop:
     def _base(self) -> dict[str, float] | None:
         return self._tasks[self.hand].base if self._tasks else None
 
+    @property
+    def _spare(self) -> float:
+        """Greatest rate of the spare joints of the arm that is led; 0 where there are none."""
+        told = self._tasks[self.hand].self_motion if self._tasks else None
+        return max(told.values()) if told else 0.0
+
     def _change_hands(self) -> None:
         """Lead the next arm; the one that was led stands."""
         if len(self._tasks) < 2:
@@ -498,7 +525,7 @@ class KeyboardTeleop:
         if state is None or state.mode != "enabled":
             self._say("the arm is not enabled: m enables it")
             return
-        if key in AXES or key in DRIVES or key in TURNS:
+        if key in AXES or key in DRIVES or key in TURNS or key in SPARE:
             self.stick.joint = None
             if self._goal:
                 # A posture in force does not hear the stick.

@@ -48,6 +48,9 @@ _LIMIT_WORDS = {
     "locked": "Joint {0} does not follow: the others bend around it, and the arm only withdraws.",
     "unseen_behind": "Nobody saw the ground behind the base: it goes back slowly.",
     "near": "Near {0}: the tool slows.",
+    "self_motion_speed": "The joints are not quick enough for the self-motion that is asked for.",
+    "arm_angle_singular": "No arm angle: the elbow is stretched, or the wrist on the first axis.",
+    "no_spare_joint": "No spare joint answers the self-motion that is asked for.",
 }
 
 
@@ -109,6 +112,7 @@ NEXT = {
     "sensor_stale": "Wait for fresh data of the sensor, then resume.",
     "touched": "Look at what the arm touches; resume once it is free.",
     "still_wrong": "Mend the cause that the message names, then reset.",
+    "no_spare_joint": "Leave an axis of the tool free, or jog the joints.",
     "unstable_gain": "Choose a smaller gain.",
     "unstable_frame": "Put the MRF nearer to the tool's tip, or lower the gains about its axes.",
     "unstable_payload": "Tell a payload that the loop can carry, or slow it down.",
@@ -233,6 +237,11 @@ _WORDS: dict[str, tuple[str, str]] = {
     ),
     "gain_forced": ("A gain beyond the stable bound was forced: {detail}.", "Watch the tool."),
     "posture_reached": ("The posture is reached.", ""),
+    "arm_angle_reached": ("The elbow is where it was to go: {detail}.", ""),
+    "arm_angle_unreachable": (
+        "The elbow does not get to {detail}.",
+        "Lead the tool elsewhere, or choose another angle.",
+    ),
     "held_together": ("The arms hold their payload together.", ""),
     "let_go": ("The arms let go of their payload.", ""),
     "stop_worsened": ("What came nearer made the stop fall short: {detail}.", "Move away from it."),

@@ -432,6 +432,15 @@ class BackboneArm(SerialArm):
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)
 
+    def spare(
+        self,
+        insertion: Insertion | None,
+        ranks: tuple[int, int] | None,  # noqa: ARG002  it holds all axes
+    ) -> int:
+        """Return how many freedoms are spare beyond the exit, where those joints lead the tool."""
+        free = 0 if insertion is None else self.backbone.chain.n - insertion.beyond
+        return max(0, free - self._rank)
+
     def wall_scale(self, found: JointRates, seen: ArmMeasurement, dq: Array) -> float:
         """Return the share of rates dq (n,) along the curve that keeps measured links off walls."""
         if found.insertion is None or not found.synchronized:

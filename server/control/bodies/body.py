@@ -17,6 +17,7 @@ from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
 from ..mechanism.redundancy import Redundancy
 from ..mechanism.resolution import Resolved, Travel, resolve
+from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
 from ..spatial import Array, Kinematics, Pose, jacobian_at, twist_at
 from ..stop.limiter import StopConstraint
@@ -46,17 +47,26 @@ class Resolver:
         p: Parameters,
         redundancy: Redundancy,
         field: Field,
-        rank: int,
+        mechanism: Mechanism,
         own: Array | None = None,
     ) -> None:
-        """Build it; `rank` is how many axes the mechanism reaches anywhere.
+        """Build it.
 
         `own` (n,) is 1 for joints of whose motion redundancy objectives know, and 0 for others;
         None: they know of all.
         """
         self._lower, self._upper, self._section = p.joints.lower, p.joints.upper, p.resolve
         self._redundancy, self._field, self._priority = redundancy, field, p.priority
-        self._even, self._own = Shares(rank), own
+        self._even, self._own = Shares(mechanism.rank), own
+        self.by_hand = SelfMotionByHand(
+            p.joints,
+            mechanism,
+            p.redundancy.max_rate * p.joints.velocity,
+            p.redundancy.arm_angle_speed,
+            p.resolve.characteristic_length,
+            p.period_s,
+            own,
+        )
         self._weighs, self._payload = p.T_wrist_sensor is not None, p.payload
 
     def none(self, dq: Array) -> JointRates:
@@ -95,7 +105,34 @@ class Resolver:
             self_motion = self._redundancy.rate(at, request.objectives, factor, D, self._own)
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
-        return JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way)
+        by_hand = request.by_hand if request.moving else IDLE
+        found = JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way, by_hand=by_hand)
+        return self._led(found, k, task.null, seen, request) if request.led_by_hand else found
+
+    def _led(
+        self,
+        found: JointRates,
+        k: Kinematics,
+        null: Array,
+        seen: ArmMeasurement,
+        request: RateRequest,
+    ) -> JointRates:
+        """Return joint rates with what an operator asks of the spare joints.
+
+        The more avoiding comes before a hand's force, the less of it.
+        """
+        asked, factor = request.inputs.self_motion, request.inputs.settings.speed_factor
+        share = 1.0 if seen.near is None else 1.0 - seen.near.alpha
+        answer = self.by_hand.step(
+            k, null, asked, request.by_hand, found.dq, factor, share, request.held
+        )
+        self_motion = found.self_motion._replace(dq=found.self_motion.dq + answer.dq)
+        return found._replace(
+            dq=found.dq + answer.dq,
+            self_motion=self_motion,
+            limits=found.limits + answer.limits,
+            by_hand=answer.state,
+        )
 
     def resolve(
         self,
@@ -145,7 +182,7 @@ class SerialArm:
         self, p: Parameters, mechanism: Mechanism, redundancy: Redundancy, field: Field
     ) -> None:
         """Build it."""
-        self._resolver = Resolver(p, redundancy, field, mechanism.rank)
+        self._resolver = Resolver(p, redundancy, field, mechanism)
         self.relief = p.joints.acceleration.copy()
         """How much each joint (n,) does of relieving contact."""
 
@@ -160,6 +197,18 @@ class SerialArm:
     def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
         """Return joint rates that do what is asked for."""
         return self._resolver.rates(seen, request)
+
+    @property
+    def by_hand(self) -> SelfMotionByHand:
+        """What makes joint rates of an operator's self-motion."""
+        return self._resolver.by_hand
+
+    def spare(self, insertion: Insertion | None, ranks: tuple[int, int] | None) -> int:
+        """Return how many freedoms are an operator's to move while the tool stays.
+
+        `ranks` are those of a task that leaves axes free; None: it holds all.
+        """
+        return self.by_hand.spare(ranks)
 
     def with_drive(self, rates: Array, drive: DriveRequest, factor: float) -> Array:
         """Return joint rates (n,) towards a posture, and beside them what an operator drives."""

@@ -10,6 +10,7 @@ from ..hold import STANDS, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
 from ..mechanism.field import FieldReading
 from ..mechanism.redundancy import Near, SelfMotion
+from ..mechanism.self_motion import IDLE, HandState
 from ..proximity.capsules import Placed
 from ..spatial import NO_TWIST, Array, Kinematics, Pose
 from ..stop.limiter import Commanded
@@ -89,6 +90,8 @@ class RateRequest(NamedTuple):
     """Where along its curve it was a tick ago."""
     held: HeldAxes | None = None
     """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion had come."""
 
     @property
     def moving(self) -> bool:
@@ -99,6 +102,11 @@ class RateRequest(NamedTuple):
     def spare(self) -> bool:
         """Spare joints may move."""
         return self.moving and not self.inputs.at_posture
+
+    @property
+    def led_by_hand(self) -> bool:
+        """An operator moves the spare joints, or did until now."""
+        return self.moving and (self.inputs.self_motion.acts or self.by_hand.moves)
 
 
 class JointRates(NamedTuple):
@@ -122,6 +130,8 @@ class JointRates(NamedTuple):
     """Where along its curve the arm is."""
     n_locked: int = 0
     """So many joints, the first ones, stand."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion has come."""
 
 
 class DesiredRates(NamedTuple):

@@ -55,7 +55,7 @@ class DrivenArm(SerialArm):
         self._alone[joints], self._with[joints] = STANDING, weight
         self._arm_only = np.ones(n)
         self._arm_only[joints] = 0.0
-        self._resolver = Resolver(p, redundancy, field, mechanism.rank, self._arm_only)
+        self._resolver = Resolver(p, redundancy, field, mechanism, self._arm_only)
         self._ranks = mechanism.arm_rank or mechanism.rank, mechanism.rank
         self._most, self._length = p.joints.velocity[joints], p.resolve.characteristic_length
 

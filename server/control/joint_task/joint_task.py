@@ -463,7 +463,8 @@ class JointTask:
         """Return the twists of one arm, those in common and its own, resolved into joint rates."""
         arm, given = self.arms[i], of.inputs
         R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
-        request = RateRequest(given, memory.objectives, R @ (arm.p.T_wrist_tool.p - mrf.p))
+        lever = R @ (arm.p.T_wrist_tool.p - mrf.p)
+        request = RateRequest(given, memory.objectives, lever, by_hand=memory.by_hand)
         slowed = {name: share * twist for name, twist in twists.items()}
         wanted = arm.resolved(slowed, request, of.seen)
         limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits

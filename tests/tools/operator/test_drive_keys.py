@@ -154,3 +154,11 @@ def test_keys_drive_a_base_while_others_move_the_tool():
     assert opposites("v") == ("b",)
     assert opposites(".") == (",",)
     assert Stick(level=len(SPEEDS) - 1).drive({"v"}, base) == (0.4, 0.0)
+
+
+def test_keys_move_the_spare_joints_within_their_own_bound():
+    stick = Stick(level=3)
+    assert stick.spare({"z", "w"}, 0.5) == stick.turn
+    assert stick.spare({"Z"}, 0.1) == -0.1
+    assert stick.spare({"z", "Z"}, 0.5) == 0.0
+    assert opposites("z") == ("Z",)

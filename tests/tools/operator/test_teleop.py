@@ -64,6 +64,7 @@ def described(*names):
             joints=("j1", "j2"),
             max_velocity=(1.0, 2.0),
             insertion={"speed": 0.08, "depth": 0.9} if name == "snake" else None,
+            self_motion={"arm_angle": 0.15} if name == "elbow" else None,
         )
         for name in names
     ]
@@ -140,6 +141,32 @@ def test_held_keys_insert_and_withdraw_an_arm_in_tunnels_at_its_speed_at_most():
         teleop.press(key, 0.3)
     teleop.run(0.3)
     assert set(client.streams) == {"cmd/jog"}
+
+
+def test_held_keys_move_the_spare_joints_of_an_arm_that_has_some_and_the_stick_beside():
+    teleop, client, lines = keys("elbow")
+    teleop.help()
+    assert "spare joints" in lines[-1]
+    for key in ("w", "z"):
+        teleop.press(key, 0.0)
+    teleop.run(0.0)
+    assert client.streams["cmd/self_motion"] == {"rate": 0.15}
+    assert any(client.streams["cmd/joystick"]["twist"])
+    teleop.press("Z", 0.1)
+    teleop.run(0.1)
+    assert client.streams["cmd/self_motion"] == {"rate": -0.15}
+    for key in ("2", "up"):
+        teleop.press(key, 0.3)
+    teleop.run(0.3)
+    assert set(client.streams) == {"cmd/jog"}
+
+
+def test_an_arm_without_spare_joints_says_so():
+    teleop, client, lines = keys("arm")
+    teleop.press("z", 0.0)
+    teleop.run(0.0)
+    assert lines == ["the arm has no spare joint: its task holds them all"]
+    assert set(client.streams) == {"cmd/joystick"}
 
 
 def test_an_arm_without_tunnels_is_not_driven():

@@ -21,7 +21,7 @@ from ..words import event_words, is_cause, limit_words, refusal_words, why
 from .streams import DaemonClock, VideoFrame, Videos, Watch, WorldNews, watched_in
 
 # --- Streams that a page may hold, and what each says once it is let go of ------------------------
-STREAMS: Final = (t.JOYSTICK, t.JOG, t.DRIVE, t.MASTER_POSE)
+STREAMS: Final = (t.JOYSTICK, t.JOG, t.SELF_MOTION, t.DRIVE, t.MASTER_POSE)
 
 
 def stream_name(topic: t.Topic, fields: Mapping[str, Any]) -> tuple[t.Topic, str]:
@@ -38,7 +38,7 @@ def neutral(fields: Mapping[str, Any]) -> dict[str, Any] | None:
     for key in ("twist", "rates"):
         if key in fields:
             return {**fields, key: [0.0] * len(fields[key])}
-    return None
+    return {**fields, "rate": 0.0} if "rate" in fields else None
 
 
 # --- One browser page: an operator of its own, whose every motion is held by the page's heartbeat

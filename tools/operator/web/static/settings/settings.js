@@ -7,7 +7,7 @@ import { createForm } from "./form.js";
 import { createSources } from "./sources.js";
 
 // Have a better control elsewhere, or are no setting: lease, streams, the beat of the lease.
-const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/drive", "cmd/master_pose",
+const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/self_motion", "cmd/drive", "cmd/master_pose",
   "operator/lease", "operator/release", "operator/protective_stop", "operator/protective_clear",
   "operator/free_axes"];
 

@@ -5,6 +5,7 @@ import { button, el, setText } from "../dom.js";
 import { createDrag } from "./drag.js";
 import { createGamepad } from "./gamepad.js";
 import { createJog } from "./jog.js";
+import { createSpare } from "./spare.js";
 import { createSpaceMouse } from "./spacemouse.js";
 
 export function createSteer(element, { link, held, choices, ask, scene }) {
@@ -21,18 +22,20 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   const armRow = el("div", { className: "row", hidden: true }, el("span", { className: "dim" }, "arm"), arm);
   const postures = el("div", { className: "row" });
   const driving = el("div", { className: "row" });
+  const spares = el("div", {});
   let driven = null;
   const joints = el("div", {});
   const pad = el("div", {});
   const mouse = el("div", {});
   const target = el("div", {});
   const jog = createJog(joints, held, choices);
+  const spare = createSpare(spares, held, choices);
   const drag = createDrag(target, { link, held, choices, ask, scene, refusal });
   createGamepad(pad, held);
   createSpaceMouse(mouse, held);
   element.append(
     el("h2", {}, "Stick"), armRow,
-    el("div", { className: "row" }, el("span", { className: "dim" }, "axes"), frame, level, speed), driving,
+    el("div", { className: "row" }, el("span", { className: "dim" }, "axes"), frame, level, speed), driving, spares,
     el("h2", {}, "Target"), target, el("h2", {}, "Postures"), postures, refusal,
     el("h2", {}, "Joints"), joints, el("h2", {}, "Gamepad"), pad, el("h2", {}, "SpaceMouse"), mouse,
     el("h2", {}, "Keys"), keys(),
@@ -84,6 +87,7 @@ export function createSteer(element, { link, held, choices, ask, scene }) {
   show();
   return { update({ state }) {
     jog.update(state);
+    spare.update();
     drag.update();
   } };
 }
