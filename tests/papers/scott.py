@@ -6,13 +6,15 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from telerobot.config.load import altered, load_cell
+from telerobot.server.control.arm import Arm
 from telerobot.server.control.axes import HeldAxes, holding
-from telerobot.server.control.inputs import ObjectiveGains
+from telerobot.server.control.inputs import ObjectiveGains, SelfMotionRequest
 from telerobot.server.control.mechanism.field import Field
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import by_charge, direction
+from telerobot.server.control.mechanism.self_motion import IDLE
 from telerobot.server.control.parameters import Parameters
-from telerobot.server.control.spatial import Array, Pose
+from telerobot.server.control.spatial import Array, Motion, Pose, rotation_exp
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
 
@@ -307,6 +309,100 @@ def sight_line() -> Shown:
     )  # fmt: skip
 
 
+# --- Figure 6: the shoulder–elbow–wrist angle -----------------------------------------------------
+
+UPPER, FORE = 0.45, 0.5
+"""Upper arm and forearm of the PA-10 [m]."""
+ELBOW_UP: Final = (0.0, 0.6, 0.0, 1.3, 0.0, 0.9, 0.0)
+"""A posture with the elbow up, φ = 0 [rad]."""
+TURNS, STEP = 120, 0.01
+"""Steps of φ to either side, and their size [rad]."""
+
+
+def about(axis: int, angle: float) -> Array:
+    """Return the rotation (3, 3) by an angle about an axis."""
+    return rotation_exp(angle * np.eye(3)[axis])
+
+
+def elbow_and_wrist(q: Array) -> tuple[Array, Array]:
+    """Return elbow and wrist of the PA-10 seen from its shoulder, by its axes Z Y Z Y alone."""
+    R = about(2, q[0]) @ about(1, q[1]) @ about(2, q[2])
+    E = UPPER * R[:, 2]
+    return E, E + FORE * (R @ about(1, q[3]))[:, 2]
+
+
+def turned_elbows(sign: float) -> tuple[Array, Array, float]:
+    """Return postures (m, 7) along the server's self-motion, the angles that it tells (m,).
+
+    And the greatest error of their change per turn against differences.
+    """
+    arm, rate = Arm.of(load_cell("pa10")), 0.01 * sign
+    mechanism, mrf = arm.mechanism, arm.p.T_wrist_tool
+    reader = mechanism.arm_angle
+    assert reader is not None
+    before = IDLE._replace(motion=Motion(np.zeros(1), np.array([rate]), np.zeros(1)))
+
+    def way(q: Array) -> Array:
+        """Return the joints' motion for a radian."""
+        k = mechanism.kinematics(q, mrf)
+        null = np.linalg.svd(k.J)[2][6:]
+        asked = SelfMotionRequest(rate)
+        return arm.body.by_hand.step(k, null, asked, before, np.zeros(7), 1.0, 1.0).dq / rate
+
+    q, postures, angles, worst = np.array(ELBOW_UP), [], [], 0.0
+    for _ in range(TURNS + 1):
+        found = reader.look(mechanism.kinematics(q, mrf))
+        postures.append(q)
+        angles.append(found.angle)
+        small = 1e-6 * way(q)
+        ends = [reader.look(mechanism.kinematics(q + d * small, mrf)).angle for d in (1.0, -1.0)]
+        worst = max(worst, abs((ends[0] - ends[1]) / 2e-6 - 1.0))
+        # Runge–Kutta, fourth order.
+        h = sign * STEP
+        a = way(q)
+        b = way(q + 0.5 * h * a)
+        c = way(q + 0.5 * h * b)
+        q = q + h / 6.0 * (a + 2.0 * b + 2.0 * c + way(q + h * c))
+    return np.array(postures), np.array(angles), worst
+
+
+def elbow() -> Shown:
+    """Turn the elbow about the line from shoulder to wrist while the tool stays."""
+    sides = [turned_elbows(sign) for sign in (-1.0, 1.0)]
+    postures = np.vstack([sides[0][0][::-1], sides[1][0][1:]])
+    angles = np.concatenate([sides[0][1][::-1], sides[1][1][1:]])
+    points = [elbow_and_wrist(q) for q in postures]
+    E, W = np.array([p[0] for p in points]), np.array([p[1] for p in points])
+    reach = float(np.linalg.norm(W[TURNS]))
+    w = W[TURNS] / reach
+    # The elbow of φ = 0 by the law of cosines, turned about ŵ.
+    lift = np.arccos((UPPER**2 + reach**2 - FORE**2) / (2.0 * UPPER * reach))
+    up = UPPER * (about(1, float(np.arccos(w[2])) - float(lift)))[:, 2]
+    circle = np.array([rotation_exp(angle * w) @ up for angle in angles])
+    centre = w * float(w @ up)
+    side = np.cross(w, up - centre)
+    across = np.stack([side, up - centre]) / np.linalg.norm(up - centre)
+    figure, (left, right) = panels(1, 2, 3.0)
+    seen, own = (circle - centre) @ across.T, (E - centre) @ across.T
+    left.plot(*own.T, color=COLOURS[0], label="elbow of the server's self-motion")
+    left.plot(*seen[::20].T, **PRINTED, label="reference elbow turned by φ")
+    left.plot(0.0, 0.0, "k+", ms=6)
+    left.set_aspect("equal")
+    label(left, "across the reference plane [m]", "up in it [m]", "Seen from the shoulder, along ŵ")
+    turns = STEP * np.arange(-TURNS, TURNS + 1)
+    right.plot(turns, angles, color=COLOURS[0])
+    right.plot(turns[::20], turns[::20], **PRINTED)
+    label(right, "turn that was asked for [rad]", "φ [rad]", "The angle that is told")
+    above(figure, left)
+    numbers = [
+        at_most("elbow from the turned reference", float(np.abs(E - circle).max()), "0", 1e-8, "m"),
+        at_most("wrist from where it was", float(np.abs(W - W[TURNS]).max()), "held", 1e-8, "m"),
+        at_most("φ from the turn", float(np.abs(angles - turns).max()), "0", 1e-8, "rad"),
+        at_most("dφ per turn from 1", max(s[2] for s in sides), "0", 1e-6),
+    ]
+    return Shown(numbers, svg(figure))
+
+
 SCOTT = Paper(
     "A Line-Based Obstacle Avoidance Technique for Dexterous Manipulator Operations",
     "Scott and Carignan, IEEE International Conference on Robotics and Automation, 2008",
@@ -361,6 +457,18 @@ SCOTT = Paper(
             "Moment of a line of 0.8 m on a link of 1 m, 0.3 m away, that turns through parallel.",
             'make papers ARGS="--only line"',
             line,
+        ),
+        "elbow": Exhibit(
+            "Fig. 6",
+            "The shoulder–elbow–wrist angle",
+            "The elbow orbits about the vector from shoulder to wrist while both stand; φ is the "
+            "angle of the plane of the three points with a reference plane.",
+            "The reference plane and the sign are left open: ours is the plane of that vector and "
+            "the first axis, right-handed about the vector (Kreutz-Delgado, Long and Seraji 1992).",
+            "A PA-10 whose tool stands, turned by 1.2 rad to either side by the server's "
+            "self-motion; in black the elbow by the law of cosines, turned about the vector.",
+            'make papers ARGS="--only elbow"',
+            elbow,
         ),
         "sight_line": Exhibit(
             "Figs. 8–10",
