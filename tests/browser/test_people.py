@@ -74,8 +74,8 @@ def test_every_topic_of_an_operator_has_a_control(site):
         each.get_attribute("data-topic") for each in page.locator("details[data-topic]").all()
     }
     with_controls = {
-        "cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/drive", "cmd/master_pose",
-        "operator/lease", "operator/release", "operator/protective_stop",
+        "cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/self_motion", "cmd/drive",
+        "cmd/master_pose", "operator/lease", "operator/release", "operator/protective_stop",
         "operator/protective_clear", "operator/free_axes",
     }  # fmt: skip
     assert offered | with_controls == {topic.key for topic in (*t.COMMANDS, *t.REQUESTS)}

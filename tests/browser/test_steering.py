@@ -60,6 +60,25 @@ def test_a_joint_slider_jogs_one_joint_and_springs_back(site):
     assert slider.input_value() == "0"
 
 
+def test_the_slider_of_the_spare_joints_turns_the_elbow_and_leaves_the_tool(site):
+    page = site.enabled()
+    slider = page.get_by_label("Self-motion")
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    before = site.plant.truth
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.8, box["y"] + box["height"] / 2)
+    site.until_moving()
+    page.mouse.up()
+    site.until_still()
+    after = site.plant.truth
+    assert abs(after.q[2] - before.q[2]) > 1e-3
+    assert after.pose_mrf[:3] == pytest.approx(before.pose_mrf[:3], abs=1e-3)
+    assert slider.input_value() == "0"
+    site.until(lambda: "φ" in page.text_content("#side"), "the angle is not shown")
+
+
 def test_a_target_is_reached_to_a_millimetre(site):
     page = site.enabled()
     page.get_by_role("tab", name="Set").click()
