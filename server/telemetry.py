@@ -157,6 +157,7 @@ def _of_task(
     )
     view, tick = vision.view, record.tick
     found, path = output.desired.found, output.task.position.progress
+    tunnel = commands.settings.tunnel
     return {
         "external_torque": None if external is None else tuple(external.tolist()),
         "pose_mrf": output.T_world_mrf.to_xyz_rpy(),
@@ -204,6 +205,8 @@ def _of_task(
         "spheres": {} if output.seen.near is None else sphere_distances(output.seen.near),
         "priority": None if output.seen.near is None else output.seen.near.alpha,
         "insertion": unit.arm.body.telemetry(found.insertion),
+        "tunnel": None if tunnel is None else tunnel.pieces,
+        "tunnel_open": 0 if tunnel is None else tunnel.open,
         "at_goal": output.at_goal or commands.goals.posture_reached,
     }
 

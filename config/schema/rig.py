@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from .mechanism import SegmentSection
 from .section import EachJoint, Name, NonNegative, PoseSection, Positive, Section, Vector3, Vector6
 from .surroundings import RigFramesSection, RigTagSection
 
@@ -230,6 +231,9 @@ class BoxSection(Section):
 class RigTunnelSection(Section):
     """How the walls of a backbone's tunnel stand in truth."""
 
+    pieces: tuple[SegmentSection, ...] = Field(
+        (), max_length=64, description="from the entrance on; none: those of the cell's tunnel"
+    )
     shift: Vector3 = Field((0.0, 0.0, 0.0), description="from where the cell has them [m]")
     half_width: float | None = Field(
         None, gt=0, le=1, description="from centre line to wall; none: as the cell says [m]"

@@ -1,5 +1,6 @@
 """Messages of the lease holder, field by field, with frame, shape and unit."""
 
+import math
 from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
@@ -217,6 +218,25 @@ class Insert(MechanismCommand):
     depth: float = Field(ge=0, le=100)
     speed: float | None = Field(None, gt=0, le=10)
     """[m/s]; the cell's when absent, never more than that."""
+
+
+MOST_PIECES = 64
+"""Most pieces of a tunnel [1]."""
+
+_Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
+TunnelPiece = tuple[Annotated[float, Field(gt=1e-3, le=20)], _Turn, _Turn, _Turn]
+"""Length [m], bend, climb and roll [rad], as in a cell's `backbone.tunnel`."""
+
+
+class TunnelRequest(MechanismCommand):
+    """Tells an arm its tunnel anew, from the entrance on; without pieces, the cell's holds again.
+
+    With drives off only. The last `open` pieces have no walls. Where the tip is inside, the tunnel
+    must stay as it is up to there.
+    """
+
+    pieces: tuple[TunnelPiece, ...] = Field(max_length=MOST_PIECES)
+    open: int = Field(0, ge=0, le=MOST_PIECES - 1)
 
 
 # --- Messages that lead a motion: paths, the master's pose, clutch and scale, the null space ------

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .messages import Count, JointVector, Message, Value, Vector3, Vector6
+from .messages import Count, JointVector, Message, TunnelPiece, Value, Vector3, Vector6
 
 
 class TaskState(Message):
@@ -90,6 +90,10 @@ class TaskState(Message):
     insertion: dict[str, float] | None = None
     """Where an arm in tunnels is: `depth`, the tip's way from the entrance [m], the `speed` that it
     is driven at [m/s], and how many joints are `free` beyond the exit. None off its curve."""
+    tunnel: tuple[TunnelPiece, ...] | None = None
+    """Pieces of the tunnel that an operator told; None: the cell's is in force."""
+    tunnel_open: Count = 0
+    """So many of them, the last ones, have no walls."""
     at_goal: bool
 
 

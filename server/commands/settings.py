@@ -12,7 +12,7 @@ from ...config.schema.null_space import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
 from ...protocols.messages.messages import RedundancyRequest
 from ..control.axes import holding
-from ..control.inputs import ObjectiveGains, Payload, Settings
+from ..control.inputs import ObjectiveGains, Payload, Settings, ToldTunnel
 from ..control.spatial import Array, Pose
 from ..refusals import Refused, Why
 from ..stability.judgement import WRENCH_SOURCES, LoopBounds, Verdict
@@ -63,6 +63,8 @@ class OperatorSettings:
         self.objectives = ObjectiveGains(redundancy.gains, self._postures[redundancy.posture_name])
         self.held = holding(config.resolve.free_axes)
         """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
+        self.tunnel: ToldTunnel | None = None
+        """What an operator told of the arm's tunnel; None: the cell's is in force."""
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -109,6 +111,7 @@ class OperatorSettings:
             contact_share=self.contact_share,
             untold=self.untold,
             held=self.held,
+            tunnel=self.tunnel,
         )
 
     @property

@@ -287,6 +287,7 @@ class Arm:
     ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
         """Return what the task asks of the joints, and what that was computed from."""
         moved = inputs.moved
+        self.body.prepare(inputs.settings)
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )

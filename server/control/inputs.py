@@ -217,6 +217,15 @@ class Pushed(NamedTuple):
     """Change of that force that means contact of the tool [N]; None: the tool was not touched."""
 
 
+class ToldTunnel(NamedTuple):
+    """The tunnel that an operator told, from the entrance on."""
+
+    pieces: tuple[tuple[float, float, float, float], ...]
+    """Length [m], bend, climb and roll [rad] of each."""
+    open: int = 0
+    """So many of them, the last ones, have no walls."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """Settings that an operator may change while running; the tick ramps every change."""
@@ -245,6 +254,8 @@ class Settings:
     """Wrench (6,) that the arm exerts at the MRF, in World axes, on nobody's hand; None: none."""
     held: Array | None = None
     """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
+    tunnel: ToldTunnel | None = None
+    """None: the cell's own."""
 
 
 @dataclass(frozen=True)

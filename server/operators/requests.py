@@ -274,6 +274,10 @@ class Services:
                 context.units.hold_together(message.task, message.on)
             case requests.MarkRequest():
                 self._events.info("marked", message.text)
+            case m.TunnelRequest() if context.mode is not Mode.READY or not context.drives_off:
+                raise Refused(
+                    Why.NOT_NOW, f"a tunnel is told with drives off, mode is {context.mode}"
+                )
             case m.TaskCommand() | m.MechanismCommand():
                 serve_unit(message, context.units.of(message))
             case _:

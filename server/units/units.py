@@ -23,7 +23,7 @@ from ..commands.settings import CellSettings
 from ..control.axes import holding
 from ..control.compiled import evolve
 from ..control.grasps.held import GraspStatus
-from ..control.inputs import Inputs, Intent, ViewGoal
+from ..control.inputs import Inputs, Intent, ToldTunnel, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
 from ..control.spatial import GRAVITY, Array, Pose
@@ -580,6 +580,8 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             events.info("objective_set", message.objective, gain=message.gain)
         case motion.FreeAxesRequest():
             _free_axes(message, unit)
+        case motion.TunnelRequest():
+            _tell_tunnel(message, unit)
         case motion.ClutchRequest():
             commands.set_clutch(message)
             master = commands.master
@@ -619,6 +621,21 @@ def _free_axes(message: motion.FreeAxesRequest, unit: Unit | JointUnit) -> None:
     commands.goals.idle = False
     _know_ranks(unit)
     unit.events.info("axes_freed" if message.axes else "axes_held", ", ".join(message.axes))
+
+
+def _tell_tunnel(message: motion.TunnelRequest, unit: Unit | JointUnit) -> None:
+    """Lay an arm's tunnel anew; raises `Refused` where it cannot go through, or stands inside."""
+    if isinstance(unit, JointUnit):
+        raise Refused(Why.UNKNOWN_MECHANISM, f"arms hold '{unit.task}' together: name one")
+    told = ToldTunnel(message.pieces, message.open) if message.pieces else None
+    try:
+        unit.arm.body.refitted(told, unit.q)
+    except ValueError as error:
+        raise Refused(Why.OUT_OF_RANGE, str(error)) from None
+    unit.commands.settings.tunnel = told
+    length = sum(piece[0] for piece in message.pieces)
+    detail = "" if told else "the cell's"
+    unit.events.info("tunnel_set", detail, pieces=len(message.pieces), length=length)
 
 
 def _know_ranks(unit: Unit | JointUnit) -> None:

@@ -144,13 +144,11 @@ def tunnel(cell: Cell) -> Iterator[Finding]:
 def _range(cell: Cell, backbone: Backbone) -> Finding:
     """Judge the joints' angles along all fits."""
     low, high = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
-    middle, half = 0.5 * (np.array(low) + np.array(high)), 0.5 * (np.array(high) - np.array(low))
-    used = np.abs(backbone.fits - middle) / half
-    i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
+    used, i, j = backbone.turns(np.array(low), np.array(high))
     angle, s1 = float(backbone.fits[i, j]), float(backbone.lengths[i])
     return Finding(
         "tunnel range",
-        graded(float(used[i, j]), FULL, 1.0),
+        graded(used, FULL, 1.0),
         f"{cell.robot.joints[j].name} at {angle:.3f} rad with a free length of {s1:.3f} m, within "
         f"{low[j]:g} to {high[j]:g}",
         {"joint": cell.robot.joints[j].name, "angle": angle, "free_length": s1},
@@ -159,19 +157,15 @@ def _range(cell: Cell, backbone: Backbone) -> Finding:
 
 def _walls(backbone: Backbone) -> Finding:
     """Judge how far links are off the centre line along all fits."""
-    off = [
-        backbone.off_centre(backbone.chain.points(q[None]), float(s1))
-        for q, s1 in zip(backbone.fits, backbone.lengths, strict=True)
-    ]
-    i = int(np.argmax(off))
+    off, i = backbone.farthest_off()
     section = backbone.section
     return Finding(
         "tunnel walls",
-        graded(off[i], FULL * backbone.room, backbone.room),
-        f"links {1e3 * off[i]:.1f} mm off the centre line with a free length of "
+        graded(off, FULL * backbone.room, backbone.room),
+        f"links {1e3 * off:.1f} mm off the centre line with a free length of "
         f"{backbone.lengths[i]:.3f} m; half width {section.half_width:g} less link_radius and "
         f"clearance leave {1e3 * backbone.room:.1f} mm",
-        {"off": off[i], "room": backbone.room, "free_length": float(backbone.lengths[i])},
+        {"off": off, "room": backbone.room, "free_length": float(backbone.lengths[i])},
     )
 
 

@@ -405,6 +405,17 @@ class Motions(ABC):
         """
         self.request(t.FREE_AXES, axes=axes)
 
+    def tunnel(
+        self, pieces: Sequence[Sequence[float]] = (), *, open_pieces: int = 0, **more: Any
+    ) -> None:
+        """Tell an arm its tunnel anew, with drives off: [length, bend, climb, roll] of each piece.
+
+        In [m, rad], from the entrance on; the last `open_pieces` have no walls. Without pieces the
+        cell's holds again.
+        """
+        told = tuple(tuple(piece) for piece in pieces)
+        self.request(t.TUNNEL, pieces=told, open=open_pieces, **more)
+
 
 # --- One task of a cell, led through an operator's session: what it sends names the task ----------
 class TaskClient(Motions):

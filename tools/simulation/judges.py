@@ -320,7 +320,7 @@ class TunnelJudge:
     def __init__(self, cell: Cell) -> None:
         backbone = cell.config.mechanism.backbone
         self._chain = None if backbone is None else Chain.from_cell(cell)
-        self._line = None if backbone is None else _CentreLine(backbone)
+        self._line = None if backbone is None else _CentreLine(in_truth(cell, backbone))
         self.centre_error = 0.0  # the farthest that a link was off the centre line inside [m]
         self.insertion = self.deepest = 0.0
         """How far in along the centre line the tip is, and has been [m]."""
@@ -349,6 +349,12 @@ class TunnelJudge:
             "centre_error_m": self.centre_error,
             "wall_force_n": self.wall_force,
         }
+
+
+def in_truth(cell: Cell, backbone: BackboneSection) -> BackboneSection:
+    """Return the backbone with the tunnel that the virtual hardware has."""
+    pieces = () if cell.config.rig is None else cell.config.rig.tunnel.pieces
+    return backbone.model_copy(update={"tunnel": pieces or backbone.tunnel})
 
 
 class _CentreLine:

@@ -1,7 +1,7 @@
 """Bodies of the virtual world: solids, bridge, tunnel walls, peg and holes."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....config.load import Cell
-from ....config.schema.mechanism import BackboneSection
+from ....config.schema.mechanism import SegmentSection
 from ....config.schema.rig import RigBridgeSection, RigHoleSection, RigPegSection, RigPersonSection
 from ....config.schema.section import PoseSection
 from ....config.schema.surroundings import ObstacleSection
@@ -215,7 +215,7 @@ def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
     planar = backbone.axes == "planar"
     sides = (0.0, math.pi) if planar else tuple(i * math.pi / 4 for i in range(8))
     depth = 0.0
-    for i, piece in enumerate(_pieces(backbone)):
+    for i, piece in enumerate(_pieces(backbone.entrance, tunnel.pieces or backbone.tunnel)):
         half = backbone.half_width
         if tunnel.half_width is not None and depth >= tunnel.narrow_from:
             half = tunnel.half_width
@@ -245,10 +245,10 @@ def add_tunnel(spec: mujoco.MjSpec, cell: Cell) -> None:
             )
 
 
-def _pieces(backbone: BackboneSection) -> Iterator[_Piece]:
+def _pieces(entrance: PoseSection, tunnel: Sequence[SegmentSection]) -> Iterator[_Piece]:
     """Cut the centre line of what has walls into short pieces."""
-    p, R = np.array(backbone.entrance.xyz), _attitude(backbone.entrance.rpy)
-    for segment in backbone.tunnel:
+    p, R = np.array(entrance.xyz), _attitude(entrance.rpy)
+    for segment in tunnel:
         if segment.open:
             return
         if segment.to is not None:

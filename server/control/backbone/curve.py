@@ -4,12 +4,14 @@ import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from pydantic import ValidationError
 
 from ....config.drives import joint_bounds
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection, SegmentSection
 from ..compiled import MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
+from ..inputs import ToldTunnel
 from ..spatial import Array, Pose
 from .fit import Chain
 from .tunnels import Arcs, Turn, solve_gap
@@ -345,14 +347,14 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
         )
     straight = chain.points(np.zeros((1, chain.n)))[0]
     out = straight[-1] - straight[0]
-    aside = max(
+    off = max(
         float(np.linalg.norm(ahead / h - T.R[:, 0])),
         float(np.linalg.norm(out / np.linalg.norm(out) - T.R[:, 0])),
     )
-    if aside > STRAIGHT:
+    if off > STRAIGHT:
         raise ConfigError(
             f"{where}.entrance: must lie straight ahead of the first joint, along x: "
-            f"{aside:.4f} rad off"
+            f"{off:.4f} rad off"
         )
     if section.least < 1.02 * h:
         raise ConfigError(
@@ -364,10 +366,31 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
     arcs = _arcs(T, section, chain, _range(cell), where)
-    chord = Chord(chain.base, np.stack((T.R @ _bow(section), T.R[:, 0])), h)
+    bow = _bow_angle(section)
+    aside = T.R @ np.array([0.0, np.cos(bow), np.sin(bow)])
+    chord = Chord(chain.base, np.stack((aside, T.R[:, 0])), h)
     if section.exterior == "modal":
         return Curve(Modal(chord, np.array(section.modes)), arcs)
     return Curve(Bow(chord), arcs)
+
+
+def told_section(section: BackboneSection, tunnel: ToldTunnel) -> BackboneSection:
+    """Return the section with the tunnel that an operator told; the free part bows out as before.
+
+    Raises `ValueError` for pieces that no cell file may have.
+    """
+    names, walled = ("length", "bend", "climb", "roll"), len(tunnel.pieces) - tunnel.open
+    pieces = [
+        {**dict(zip(names, piece, strict=True)), "open": i >= walled}
+        for i, piece in enumerate(tunnel.pieces)
+    ]
+    bow = math.remainder(_bow_angle(section), 2.0 * math.pi)
+    try:
+        return section.model_copy(update={"tunnel": pieces, "bow": bow})
+    except ValidationError as error:
+        # It names the cell's key; here pieces were told.
+        words = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ValueError(words.replace("tunnel[", "pieces[")) from None
 
 
 def centre_line(section: BackboneSection, step_m: float) -> list[list[Pose]]:
@@ -424,12 +447,12 @@ def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: s
     return Arcs.of_all(pieces)
 
 
-def _bow(section: BackboneSection) -> Array:
-    """Return where the exterior bows out to (3,), in the entrance's frame."""
+def _bow_angle(section: BackboneSection) -> float:
+    """Return where the exterior bows out to, about the entrance's x from its y [rad]."""
     angle = section.bow
     if angle is None:
         bend, climb = next(((s.bend, s.climb) for s in section.tunnel if s.bend or s.climb), (1, 0))
         angle = float(np.arctan2(-climb, -bend))
         if section.axes != "planar":
             angle += np.pi / 4
-    return np.array([0.0, np.cos(angle), np.sin(angle)])
+    return float(angle)

@@ -11,7 +11,7 @@ from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ..bodies.body import Builder, SerialArm
 from ..bodies.rates import ArmMeasurement, Following, Insertion, JointRates, RateRequest
-from ..inputs import DriveRequest, Intent
+from ..inputs import DriveRequest, Intent, Settings, ToldTunnel
 from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Redundancy
@@ -20,7 +20,7 @@ from ..scene import Flags
 from ..spatial import Array
 from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
-from .curve import Curve, curve_of
+from .curve import Curve, curve_of, told_section
 from .fit import Chain, farthest_apart
 from .tunnels import links_off_centre
 
@@ -101,8 +101,11 @@ class Backbone:
     def from_cell(cls, cell: Cell) -> Self | None:
         """Build that of a cell's mechanism, None where it is a plain arm. Raises `ConfigError`."""
         section = cell.config.mechanism.backbone
-        if section is None:
-            return None
+        return None if section is None else cls.of(cell, section)
+
+    @classmethod
+    def of(cls, cell: Cell, section: BackboneSection) -> Self:
+        """Build that of a cell's mechanism in some tunnel. Raises `ConfigError`."""
         chain = Chain.from_cell(cell)
         curve = curve_of(cell, section, chain)
         where = f"{cell.path}: mechanism.backbone"
@@ -123,6 +126,25 @@ class Backbone:
             fits.append(found.q)
         fits.reverse()
         return np.array(fits), np.gradient(np.array(fits), self.lengths, axis=0)
+
+    def turns(self, low: Array, high: Array) -> tuple[float, int, int]:
+        """Return the greatest share of its range (n,) [rad] that any joint takes, 1 for all of it.
+
+        With the free length and the joint, by their places in `fits`.
+        """
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        used = np.abs(self.fits - middle) / half
+        i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
+        return float(used[i, j]), i, j
+
+    def farthest_off(self) -> tuple[float, int]:
+        """Return how far links of the fits are off the centre line at most [m], and of which."""
+        off = [
+            self.off_centre(self.chain.points(q[None]), float(s1))
+            for q, s1 in zip(self.fits, self.lengths, strict=True)
+        ]
+        i = int(np.argmax(off))
+        return off[i], i
 
     # --- where the arm is ----------------------------------------------------------------------
 
@@ -276,6 +298,10 @@ class Backbone:
         """Return the tip's way from the entrance [m]."""
         return self.chain.length - insertion.s1
 
+    def depth_at(self, fit: int) -> float:
+        """Return that of one of the fits [m]."""
+        return self.chain.length - float(self.lengths[fit])
+
     def arrived(self, insertion: Insertion, drive: DriveRequest) -> bool:
         """Return whether the arm is at the depth that it was driven to."""
         return drive.depth is not None and abs(drive.depth - self.depth(insertion)) < ARRIVED
@@ -345,6 +371,8 @@ SLOWED = 0.99
 """An insertion that gets less than this part of its asked speed is told as slowed [1]."""
 LOOK_S = 0.025
 """Stops are looked at so often along the way [s]."""
+ALONG, SAME = 400, 1e-4
+"""A tunnel stays where it is if so many points of it move by no more [1, m]."""
 WORSE = 1e-4
 """A stop may be off the tunnel's centre line by so much more than the arm is now [m]."""
 
@@ -356,15 +384,19 @@ class BackboneArm(SerialArm):
 
     def __init__(
         self,
+        cell: Cell,
         backbone: Backbone,
         p: Parameters,
         mechanism: Mechanism,
         redundancy: Redundancy,
         field: Field,
     ) -> None:
-        """Build it."""
+        """Build it; `backbone` is that of the cell's own tunnel."""
         super().__init__(p, mechanism, redundancy, field)
+        self._cell, self._joints = cell, p.joints
+        self._own, self._told = backbone, dict[ToldTunnel, Backbone]()
         self.backbone = backbone
+        """In the tunnel that is in force."""
         self.synchronized = (slice(0, p.joints.n),)
         self.relief[:] = 0.0
         self._names, self._rank = p.joints.names, mechanism.rank
@@ -373,7 +405,61 @@ class BackboneArm(SerialArm):
     def builder(cls, cell: Cell) -> Builder | None:
         """Return what builds it for a cell with a backbone. Raises `ConfigError`."""
         backbone = Backbone.from_cell(cell)
-        return None if backbone is None else partial(cls, backbone)
+        return None if backbone is None else partial(cls, cell, backbone)
+
+    # --- a tunnel that an operator told --------------------------------------------------------
+
+    def prepare(self, settings: Settings) -> None:
+        """Take the tunnel that is in force: one that is told is fitted once, before that."""
+        tunnel = settings.tunnel
+        self.backbone = self._own if tunnel is None else self._laid(tunnel)
+
+    def refitted(self, tunnel: ToldTunnel | None, q: Array | None) -> None:
+        """Lay and fit a tunnel for an arm at rest at joints q (n,); None is the cell's own.
+
+        Raises `ValueError` for one that its joints or links cannot pass, and where the part that
+        the arm is in would move.
+        """
+        old, new = self.backbone, self._own
+        insertion = None if q is None else old.located(q)
+        if insertion is None:
+            raise ValueError("the arm is off its curve: bring it back to it first")
+        if tunnel is not None:
+            new = self._laid(tunnel)
+        used, i, j = new.turns(self._joints.lower, self._joints.upper)
+        if used > 1.0:
+            raise ValueError(
+                f"{self._names[j]} would be at {new.fits[i, j]:.3f} rad with the tip "
+                f"{new.depth_at(i):.3f} m inside: its range is {self._joints.lower[j]:.3f} to "
+                f"{self._joints.upper[j]:.3f}"
+            )
+        off, i = new.farthest_off()
+        if off > new.room:
+            raise ValueError(
+                f"links would be {off:.4f} m off the centre line with the tip "
+                f"{new.depth_at(i):.3f} m inside: at most {new.room:.4f} m"
+            )
+        depths = np.linspace(0.0, max(0.0, old.depth(insertion)), ALONG)
+        apart = np.linalg.norm(new.curve.arcs.at(depths)[0] - old.curve.arcs.at(depths)[0], axis=1)
+        if float(apart.max()) > SAME:
+            still = depths[int((apart > SAME).argmax()) - 1]
+            raise ValueError(
+                f"the tip is {depths[-1]:.4f} m inside, where the tunnel would move by "
+                f"{apart.max():.4f} m: withdraw it to {still:.4f} m first"
+            )
+
+    def _laid(self, tunnel: ToldTunnel) -> Backbone:
+        """Return the backbone in a tunnel that was told. Raises `ValueError`."""
+        found = self._told.get(tunnel)
+        if found is None:
+            section = told_section(self._own.section, tunnel)
+            try:
+                found = Backbone.of(self._cell, section)
+            except ConfigError as error:
+                raise ValueError(str(error)) from None
+            kept = {old: laid for old, laid in self._told.items() if laid is self.backbone}
+            self._told = {**kept, tunnel: found}
+        return found
 
     def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
         """Return joint rates at the commanded posture.

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ..axes import HeldAxes
-from ..inputs import DriveRequest
+from ..inputs import DriveRequest, Settings, ToldTunnel
 from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
@@ -193,6 +193,16 @@ class SerialArm:
         Raises `ConfigError`.
         """
         return cls
+
+    def prepare(self, settings: Settings) -> None:
+        """Make ready for a tick with these settings, before it asks for anything else."""
+
+    def refitted(self, tunnel: ToldTunnel | None, q: Array | None) -> None:
+        """Make ready for a tunnel that an operator tells the arm, at rest at joints q.
+
+        Raises `ValueError` that says why the arm cannot go through it, or not from there.
+        """
+        raise ValueError("the mechanism has no backbone: it goes through no tunnel")
 
     def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
         """Return joint rates that do what is asked for."""

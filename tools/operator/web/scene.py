@@ -357,6 +357,8 @@ def described_tunnels(cell: Cell) -> list[dict[str, Any]]:
         found.append(
             {
                 "mechanism": part.config.mechanism.name,
+                "task": part.task,
+                "step": STEP,
                 "planar": backbone.axes == "planar",
                 "half_width": backbone.half_width,
                 "thickness": 0.01 if rig is None else rig.tunnel.thickness,

@@ -19,8 +19,9 @@ from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ....config.schema.surroundings import ContourReflexSection
 from ....protocols.messages.perception import NOTHING
-from ....server.control.backbone.curve import centre_line
+from ....server.control.backbone.curve import centre_line, told_section
 from ....server.control.backbone.insertion import Backbone
+from ....server.control.inputs import ToldTunnel
 from ....server.control.proximity.capsules import Capsule, Capsules
 from ....server.control.spatial import Pose
 from ....server.perception.scanning.contour import CellPlane, crossed
@@ -347,11 +348,16 @@ def slithering(run: RecordedRun) -> Figure:
     """Return the curve (figure 4) and the true links (figure 5) of a run, in the paper's order.
 
     At its free lengths, and where the run did not come near one of these, at the nearest to it that
-    it had. Raises `ConfigError` for a cell without a backbone.
+    it had; in the tunnel that was in force at the end. Raises `ConfigError` for a cell without a
+    backbone.
     """
-    section, backbone = run.cell.config.mechanism.backbone, Backbone.from_cell(run.cell)
-    if backbone is None or section is None:
+    section = run.cell.config.mechanism.backbone
+    if section is None:
         raise ConfigError(f"{run.cell.path}: mechanism.backbone: missing: there is no tunnel")
+    last = run.states[-1] if run.states else {}
+    if told := last.get("tunnel"):
+        section = told_section(section, ToldTunnel(tuple(map(tuple, told)), last["tunnel_open"]))
+    backbone = Backbone.of(run.cell, section)
     moments = _moments(run, backbone)
     planar = section.axes == "planar"
     centre = np.array([T.p for row in centre_line(section, STEP) for T in row])

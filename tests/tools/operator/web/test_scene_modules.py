@@ -9,6 +9,7 @@ from laboratory.vendor.fetch import missing
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.perception import ScanPoints
 from telerobot.server.commands.haptics import SLIP
+from telerobot.server.control.backbone.tunnels import Arcs, Turn
 from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.tools.operator.web.scene import describe
 from telerobot.tools.operator.web.streams import told_scan
@@ -269,3 +270,19 @@ def test_programs_are_used_only_once_the_browser_has_compiled_them(in_node):
         True, "compiled", False, False, False, "asked 2", "asked 1", False, False, True, True,
         "compiled", False,
     ]  # fmt: skip
+
+
+def test_the_page_draws_a_told_tunnel_where_it_is(in_node):
+    T = Pose.from_xyz_rpy((0.1, 0.6, -0.2), (0.4, -0.3, 1.2))
+    pieces = [[0.30, 0.8, -0.5, 1.1], [0.20, 0.0, 0.0, 0.0], [0.25, 0.0, 0.9, -0.7]]
+    program = """
+        const { centreLine } = await load("scene/geometry/tunnel.js");
+        return centreLine(given.entrance, given.pieces, 1, 0.01);
+    """
+    entrance = [*T.p.tolist(), *T.R[:, 1].tolist(), *T.R[:, 2].tolist()]
+    frames = np.array(in_node(program, {"entrance": entrance, "pieces": pieces}))
+    arcs = Arcs.from_entrance(T, [Turn(*piece) for piece in pieces[:2]])
+    assert len(frames) == 51
+    assert frames[:, :3] == pytest.approx(arcs.at(np.linspace(0.0, 0.5, 51))[0], abs=1e-12)
+    tangents = np.cross(frames[:, 3:6], frames[:, 6:9])
+    assert tangents == pytest.approx(arcs.at(np.linspace(0.0, 0.5, 51))[1], abs=1e-12)

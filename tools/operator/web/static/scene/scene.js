@@ -89,6 +89,7 @@ export function createScene(element, description, drawn = {}) {
     current = view;
     arms.pose(view.links, view.commanded, view.q);
     surroundings.pose(view, frames.lensAt);
+    tunnels.pose(view);
     contour.pose(view);
     frames.pose(view);
     gaps.pose(view, surroundings.obstacles);

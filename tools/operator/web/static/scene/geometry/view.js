@@ -47,6 +47,7 @@ export function viewOf(description, sample) {
         target: take("target_mrf"),
         path: take("path_mrf"),
         wrench: to.wrench_mrf ? mixed(from?.wrench_mrf, to.wrench_mrf, part) : null,
+        tunnel: to.tunnel ? { pieces: to.tunnel, open: to.tunnel_open } : null,
         held: task.by.length === 1 && Boolean(to.held_by),
         still: to.at_goal && !to.path,
       };

@@ -1,21 +1,46 @@
 /** Tunnels: glass walls on either side of a planar arm, and a ribbed tube around one in space. */
 
+import { centreLine } from "../geometry/tunnel.js";
 import { THREE } from "../stage/kit.js";
 
 export function createTunnels(description, materials) {
   const object = new THREE.Group();
-  for (const tunnel of description.tunnels) {
-    for (const piece of tunnel.pieces) {
-      const frames = piece.map((n) => ({ p: n.slice(0, 3), y: n.slice(3, 6), z: n.slice(6, 9) }));
-      if (frames.length < 2) continue;
-      const parts = tunnel.planar ? walls(frames, tunnel, materials) : tube(frames, tunnel, materials);
-      for (const part of parts) {
-        part.userData.body = part.isMesh;
-        object.add(part);
+  const drawn = description.tunnels.map((tunnel) => {
+    const group = new THREE.Group();
+    object.add(group);
+    draw(group, tunnel, tunnel.pieces, materials);
+    const task = description.tasks.findIndex(({ name }) => name === tunnel.task);
+    return { tunnel, group, task, told: "null" };
+  });
+  return {
+    object,
+    /** Draw anew what an operator told an arm of its tunnel. */
+    pose(view) {
+      for (const each of drawn) {
+        const next = view.tasks[each.task]?.tunnel ?? null;
+        const told = JSON.stringify(next);
+        if (told === each.told) continue;
+        each.told = told;
+        const { pieces, step } = each.tunnel;
+        const rows = next ? [centreLine(pieces[0][0], next.pieces, next.open, step)] : pieces;
+        draw(each.group, each.tunnel, rows, materials);
       }
+    },
+  };
+}
+
+function draw(group, tunnel, pieces, materials) {
+  for (const part of group.children) part.geometry.dispose();
+  group.clear();
+  for (const piece of pieces) {
+    const frames = piece.map((n) => ({ p: n.slice(0, 3), y: n.slice(3, 6), z: n.slice(6, 9) }));
+    if (frames.length < 2) continue;
+    const parts = tunnel.planar ? walls(frames, tunnel, materials) : tube(frames, tunnel, materials);
+    for (const part of parts) {
+      part.userData.body = part.isMesh;
+      group.add(part);
     }
   }
-  return { object };
 }
 
 const at = ({ p, y, z }, a, b) => [0, 1, 2].map((i) => p[i] + a * y[i] + b * z[i]);
