@@ -49,7 +49,7 @@ _LIMIT_WORDS = {
     "unseen_behind": "Nobody saw the ground behind the base: it goes back slowly.",
     "near": "Near {0}: the tool slows.",
     "self_motion_speed": "The joints are not quick enough for the self-motion that is asked for.",
-    "arm_angle_singular": "No arm angle: the elbow is stretched, or the wrist on the first axis.",
+    "arm_angle_singular": "No spare motion turns the elbow here: lead the tool on a little.",
     "no_spare_joint": "No spare joint answers the self-motion that is asked for.",
 }
 

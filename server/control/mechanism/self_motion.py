@@ -33,8 +33,7 @@ APPROACH: Final = 2.0
 REACHED: Final = 1e-3
 """An angle is reached within this [rad]."""
 _LEAST: Final = 1e-4
-"""gᵀ N g below this counts as this: where the angle hardly changes, joints go no faster for it [1].
-"""
+"""Where gᵀ N g is below this, no spare motion turns the elbow [1]."""
 _BEGINS: Final = 0.1
 """Part of a joint's own motion that is spare, from which it says how a direction begins [1]."""
 _LOST: Final = 0.3
@@ -43,7 +42,7 @@ _SLOWED: Final = 0.99
 """A rate of which less than this is left is told as slowed [1]."""
 
 SINGULAR: Final = "arm_angle_singular"
-"""Limit: the elbow is on no circle, or no plane is the reference of a goal."""
+"""Limit: no spare motion turns the elbow, or a goal has no angle to be compared with."""
 BOUNDED: Final = "self_motion_speed"
 """Limit: the joints are not quick enough for the rate."""
 NONE_SPARE: Final = "no_spare_joint"
@@ -153,7 +152,7 @@ class SelfMotionByHand:
             if asked.angle is not None:
                 left = _turned(asked.angle - angle)
                 target = min(asked.rate, max(-asked.rate, APPROACH * left))
-            if math.isnan(target) or size2 == 0.0:
+            if math.isnan(target) or size2 < _LEAST:
                 target, limits = 0.0, (SINGULAR,)
         if len(rows) == 0:
             target, limits = 0.0, (NONE_SPARE,)

@@ -110,6 +110,10 @@ def test_a_stretched_elbow_and_an_arm_without_spare_joints_say_so():
     stretched = np.array([0.3, 0.7, 0.2, 0.0, 0.1, 0.4, 0.0])
     _, answer = answered("pa10", stretched, SelfMotionRequest(0.3), at_rate(0.3))
     assert answer.limits == (SINGULAR,)
+    # Fifth and seventh joint in line: of all spare motions one is known, and it turns no elbow.
+    aligned = np.array([0.0, -math.pi / 4, 0.0, math.pi / 2, 0.0, 0.0, 0.0])
+    _, answer = answered("pa10", aligned, SelfMotionRequest(0.3), at_rate(0.3))
+    assert answer.limits == (SINGULAR,)
     _, answer = answered("ur5e", np.full(6, 0.5), SelfMotionRequest(0.3), at_rate(0.0))
     assert answer.limits == (NONE_SPARE,)
     assert not answer.dq.any()
