@@ -93,7 +93,6 @@ WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
 
 AT_THE_ARM = (
     motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
-    m.SelfMotion, m.ArmAngle,
 )  # fmt: skip
 """Requests that may concern one arm alone while it holds a payload with others."""
 
