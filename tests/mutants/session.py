@@ -53,7 +53,8 @@ class _Numpys(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         if any(
-            isinstance(d, ast.Call) and _name(d.func) == "compiled" for d in node.decorator_list
+            _name(d.func if isinstance(d, ast.Call) else d) in ("compiled", "inner_kernel")
+            for d in node.decorator_list
         ):
             for inner in ast.walk(node):
                 if isinstance(inner, ast.Name) and inner.id == "math":
@@ -69,12 +70,10 @@ def run_plain(module: str) -> None:
     """Let the kernels of a module that is to be imported be plain Python."""
     from telerobot.server.control import compiled
 
-    real = compiled.compiled
-
-    def in_place(*arguments: Any) -> Callable[[Any], Any]:
+    def instead_of(real: Callable[[Any], Any]) -> Callable[[FunctionType], Any]:
         def decorate(function: FunctionType) -> Any:
             if function.__module__ != module:
-                return real(*arguments)(function)
+                return real(function)
             kernels.setdefault(function.__name__, function)
 
             @functools.wraps(function)
@@ -86,7 +85,9 @@ def run_plain(module: str) -> None:
 
         return decorate
 
-    compiled.compiled = in_place  # type: ignore[assignment]
+    real = compiled.compiled
+    compiled.compiled = lambda *types: instead_of(real(*types))  # type: ignore[assignment]
+    compiled.inner_kernel = instead_of(compiled.inner_kernel)  # type: ignore[assignment]
 
 
 def executed(tree: ast.Module, live: ModuleType) -> dict[str, Any]:

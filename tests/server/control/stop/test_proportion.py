@@ -97,6 +97,78 @@ def test_the_stop_is_no_longer_than_its_shape_needs():
     assert stretched > 8
 
 
+def kept(dq, ddq, A, J, up, hold, down):
+    """Whether ramps and a hold of these times bring all to rest inside their bounds."""
+    held = -(dq + 0.5 * up * ddq) / (0.5 * up + hold + 0.5 * down)
+    slack = 1.0 + 1e-9
+    return (
+        (np.abs(held) <= np.maximum(A, np.abs(ddq)) * slack).all()
+        and (np.abs(held - ddq) <= J * up * slack).all()
+        and (np.abs(held) <= J * down * slack).all()
+    )
+
+
+def shapes_that_fit(dq, ddq, A, J, own):
+    """The times of the stops that have the shape of each of the three slowest, to rounding."""
+    every = own[0].sum(axis=0)
+    for k in np.argsort(-every, kind="stable")[:3]:
+        if every[k] < 1e-12:
+            return
+        least = 0.05 * every[k]
+        shape = np.array([max(own[0, :2, k].sum(), least), own[0, 2, k], max(own[0, 3, k], least)])
+        long = next(2.0**i for i in range(20) if kept(dq, ddq, A, J, *2.0**i * shape))
+        short = 0.5 * long if long > 1.0 else 1.0
+        for _ in range(60):
+            middle = 0.5 * (short + long)
+            fits = kept(dq, ddq, A, J, *middle * shape)
+            short, long = (short, middle) if fits else (middle, long)
+        yield long * shape
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_the_stop_is_the_shortest_shape_that_fits_to_a_ten_thousandth(n):
+    rng = np.random.default_rng(12)
+    stretched = 0
+    for _ in range(60):
+        A, J = rng.uniform(0.5, 5.0, n), rng.uniform(5.0, 100.0, n)
+        dq = rng.normal(size=n) * rng.choice([0.0, 1.0, 1.0], n)
+        ddq = A * rng.uniform(-1.5, 1.5, n) * rng.choice([0.0, 1.0])
+        if not (dq.any() or ddq.any()):
+            continue
+        own = stopping(dq, ddq, A, J)
+        phases = stopping_in_proportion(dq, ddq, A, J, own)
+        assert (phases[0, 0] == 0.0).all()
+        assert (phases[0] == phases[0, :, :1]).all()
+        fitting = list(shapes_that_fit(dq, ddq, A, J, own))
+        found = phases[0, 1:, 0]
+        assert found.sum() <= min(map(sum, fitting)) * (1.0 + 1.001 * 2.0**-14)  # fourteen halvings
+        scales = [found.sum() / each.sum() for each in fitting]
+        near = zip(scales, fitting, strict=True)
+        assert any(np.allclose(found, x * each, rtol=1e-9, atol=1e-12) for x, each in near)
+        scale = max(scales)
+        assert scale >= 1.0 - 1e-9
+        stretched += scale > 1.0 + 1e-9
+        v, a = dq, ddq
+        for seconds, jerk in zip(phases[0, :, 0], phases[1], strict=True):
+            v, a = v + seconds * (a + 0.5 * seconds * jerk), a + seconds * jerk
+        np.testing.assert_allclose(v, 0.0, atol=1e-9)
+        np.testing.assert_allclose(a, 0.0, atol=1e-9)
+    assert stretched > 5 or n == 1
+
+
+@pytest.mark.parametrize(
+    ("up", "down", "A", "J"), [(1.0, 1.0, 2.0, 90.0), (1.0, 2.0, 90.0, 2.0), (2.0, 1.0, 90.0, 2.0)]
+)
+def test_a_bound_is_kept_to_rounding_and_what_lies_beyond_is_not(up, down, A, J):
+    """The greatest acceleration, and the jerk of either ramp; all numbers are whole in binary."""
+    own = np.zeros((2, 4, 1))
+    own[0, 1:, 0] = up, 4.0 - 0.5 * (up + down), down  # so that held is a quarter of the velocity
+    for beyond, stretched in ((1.0 + 1e-9, False), (np.nextafter(1.0 + 1e-9, 2.0), True)):
+        dq = np.array([4.0 * 2.0 * beyond])
+        phases = stopping_in_proportion(dq, np.zeros(1), np.array([A]), np.array([J]), own)
+        assert (lasts(phases) > lasts(own)) == stretched
+
+
 def test_a_group_that_stands_has_no_way_to_go():
     for dq, ddq, stands in ((0.0, 0.0, True), (1.0, 0.0, False), (0.0, 1.0, False)):
         planner = VelocityPlanner(np.full(2, 5.0), np.full(2, 50.0), groups=((0, 1),))
@@ -136,3 +208,18 @@ def test_there_is_no_stop_of_what_is_no_number_nor_under_a_bound_of_nothing(valu
         stopping_in_proportion(np.array([0.5, value]), np.zeros(2), A, J, own)
     with pytest.raises(ValueError, match="no stop in proportion"):
         stopping_in_proportion(dq, np.zeros(2), np.array([1.0, 1e-9]), J, own)
+
+
+@pytest.mark.parametrize(("times", "found"), [(5e5, True), (1.04e6, False)])
+def test_a_stop_in_proportion_lasts_at_most_a_million_times_longer(times, found):
+    """Of the first joint's shape, by a bound of the second, at a stretch that is halved to."""
+    dq, A, J = np.array([0.5, 0.5]), np.ones(2), np.full(2, 20.0)
+    own = np.repeat(stopping(dq, np.zeros(2), A, J)[:, :, :1], 2, axis=2)
+    up, hold, down = own[0, 1:, 0]
+    A[1] = 0.5 / (0.5 * up + hold + 0.5 * down) / times
+    if found:
+        phases = stopping_in_proportion(dq, np.zeros(2), A, J, own)
+        assert lasts(phases) == pytest.approx(times * lasts(own), rel=1e-4)
+    else:
+        with pytest.raises(ValueError, match="no stop in proportion"):
+            stopping_in_proportion(dq, np.zeros(2), A, J, own)

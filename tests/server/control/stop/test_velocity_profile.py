@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import ruckig
 from telerobot.server.control.spatial import Motion
-from telerobot.server.control.stop.profile import reach, stepped
+from telerobot.server.control.stop.profile import reach, shape, stepped
 from telerobot.server.control.stop.trajectory import TrajectoryError, VelocityPlanner
 
 
@@ -51,6 +51,22 @@ def test_from_tick_to_tick_it_stays_on_its_way_and_inside_its_bounds(rng):
             assert (np.abs(motion.ddq - before.ddq) <= jerk * 0.01 + 1e-12).all()
             assert (np.abs(motion.ddq) <= acceleration + 1e-12)[within].all()
         np.testing.assert_allclose(np.array(motion), whole, atol=1e-9)
+
+
+def test_a_stick_is_shaped_as_freedoms_that_go_together_and_not_where_all_rests(rng):
+    moved = 0
+    for _ in range(60):
+        motion, target, acceleration, jerk = drawn(rng)
+        still = rng.choice([0.0, 1.0], 3)
+        motion = Motion(motion.q, still[0] * motion.dq, still[1] * motion.ddq)
+        target = still[2] * target
+        out = np.full((2, len(target)), np.nan)
+        rests = not (motion.dq.any() or motion.ddq.any() or target.any())
+        assert shape(motion.dq, motion.ddq, target, acceleration, jerk, 0.03, out) is not rests
+        moved += not rests
+        way = stepped(*motion, target, acceleration, jerk, 0.03, True)[1:]
+        np.testing.assert_allclose(out, np.full_like(way, np.nan) if rests else way, atol=1e-12)
+    assert 10 < moved < 60
 
 
 @pytest.mark.parametrize("broken", [0, 1, 2])
