@@ -118,7 +118,7 @@ RELIEVED_S = 0.5
 UNSEEN_S = 0.03
 """Contact began at most this long before force control relieved it [s]."""
 
-YIELDS = 0.5
+YIELDS = 0.8
 """A joint that is pushed off its command by more than this part of its leash is yielded to [1]."""
 
 YIELD_GAIN = 20.0
