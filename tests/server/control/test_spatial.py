@@ -260,13 +260,3 @@ def test_a_pitch_that_rounding_has_beyond_a_right_angle_is_a_right_angle(sign):
     R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, sign * np.pi / 2, 0.3)).R.copy()
     R[2, 0] = -sign * (1.0 + 1e-15)
     assert Pose(R, np.zeros(3)).to_xyz_rpy()[3:] == pytest.approx((0.0, sign * np.pi / 2, 0.3))
-
-
-def test_rotations_are_compiled_before_a_tick_calls_them():
-    """A kernel that is made when it is first called stops the tick for a third of a second."""
-    for kernel, argument in ((rotation_log, np.eye(3)), (rotation_exp, np.zeros(3))):
-        ready = list(kernel.signatures)
-        assert ready
-        kernel(argument)
-        kernel(np.asfortranarray(np.eye(3, 4)[:, :3]) if argument.ndim == 2 else np.zeros(6)[::2])
-        assert kernel.signatures == ready
