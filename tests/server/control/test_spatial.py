@@ -4,9 +4,13 @@ import pytest
 from laboratory.papers.williams import at_wrist
 from telerobot.server.control import spatial
 from telerobot.server.control.spatial import (
+    Motion,
     Pose,
     cross,
+    differ,
     from_target,
+    jacobian_at,
+    motion_at,
     moved,
     moved_near,
     pose_error,
@@ -20,6 +24,7 @@ from telerobot.server.control.spatial import (
     turned,
     twist_at,
     vector_rate,
+    within,
     wrench_to,
 )
 
@@ -260,3 +265,50 @@ def test_a_pitch_that_rounding_has_beyond_a_right_angle_is_a_right_angle(sign):
     R = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, sign * np.pi / 2, 0.3)).R.copy()
     R[2, 0] = -sign * (1.0 + 1e-15)
     assert Pose(R, np.zeros(3)).to_xyz_rpy()[3:] == pytest.approx((0.0, sign * np.pi / 2, 0.3))
+
+
+def test_a_jacobian_at_another_point_gives_the_twist_there(rng):
+    J, lever, dq = rng.normal(size=(6, 7)), rng.normal(size=3), rng.normal(size=7)
+    before = J.copy()
+    np.testing.assert_allclose(jacobian_at(J, lever) @ dq, twist_at(J @ dq, lever), atol=1e-12)
+    np.testing.assert_array_equal(J, before)
+
+
+def test_poses_differ_in_place_or_attitude_alone():
+    a = Pose(rotation_rpy(0.1, 0.2, 0.3), np.array([1.0, 2.0, 3.0]))
+    assert not differ(a, a)
+    assert not differ(a, Pose(a.R.copy(), a.p.copy()))
+    assert differ(a, Pose(a.R, a.p + np.array([0.0, 1e-15, 0.0])))
+    assert differ(a, Pose(a.R @ rotation_exp(np.array([1e-9, 0.0, 0.0])), a.p))
+
+
+@pytest.mark.parametrize(
+    ("twist", "share"),
+    [
+        ([0.3, 0.0, 0.4, 0.0, 0.0, 0.0], 0.5),  # 0.5 m/s of 0.25
+        ([0.0, 0.0, 0.0, 0.0, 2.0, 0.0], 0.25),  # 2 rad/s of 0.5
+        ([0.3, 0.0, 0.4, 0.0, 2.0, 0.0], 0.25),
+    ],
+)
+def test_a_twist_is_slowed_as_a_whole(twist, share):
+    twist = np.array(twist)
+    np.testing.assert_allclose(within(twist, (0.25, 0.5)), share * twist, atol=1e-15)
+
+
+def test_a_twist_inside_its_bounds_is_the_same_and_nobody_writes_to_that_of_nothing():
+    twist = np.array([0.1, 0.0, 0.0, 0.0, 0.2, 0.0])
+    assert within(twist, (0.25, 0.5)) is twist
+    with pytest.raises(ValueError, match="read-only"):
+        spatial.NO_TWIST[0] = 1.0
+
+
+def test_a_body_at_rest_is_at_rest_at_every_point_of_it():
+    rest = Motion.at_rest(np.zeros(6))
+    assert motion_at(rest, np.array([1.0, 0.0, 0.0]), (1.0, 1.0), np.ones(6)) is rest
+
+
+def test_a_body_that_begins_to_turn_is_quickened_at_a_point_aside():
+    """Change of the twist alone, about z; a metre along x: the change is along y."""
+    begins = Motion(np.zeros(6), np.zeros(6), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]))
+    found = motion_at(begins, np.array([1.0, 0.0, 0.0]), (1.0, 1.0), np.ones(6))
+    np.testing.assert_allclose(found.ddq, [0.0, 0.5, 0.0, 0.0, 0.0, 0.5], atol=1e-15)
