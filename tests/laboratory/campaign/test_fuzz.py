@@ -3,7 +3,7 @@
 import contextlib
 import subprocess
 import sys
-from itertools import islice, pairwise
+from itertools import count, islice, pairwise
 
 import pytest
 from hypothesis import strategies as st
@@ -118,6 +118,7 @@ def test_a_tick_that_raises_is_found(monkeypatch):
     # No touch is an excuse while the operator is an honest one.
     monkeypatch.setattr(Touches, "explain", lambda *_: True)
     monkeypatch.setattr(drawn, "LEAST", 3)  # more of them take their time
-    scene = next(seed for seed in range(20) if network.cell_of(seed) == "pa10_scene")
+    honest = (seed for seed in count() if seed % 3 != 2)
+    scene = next(seed for seed in honest if network.cell_of(seed) == "pa10_scene")
     reasons = network.play(scene).reasons
     assert any(reason.startswith("tick_raised at ") for reason in reasons), reasons
