@@ -244,8 +244,12 @@ def _asked(plan: ContactPlan, share: float) -> dict[str, object]:
 
 
 def prepared(cell: Cell, start: Vector, mode: str, sensed: bool) -> Cell:
-    """Return the cell with another start, operation mode and sensor, and nothing around it."""
-    cell = altered(_standing(cell, start), {"mechanism.operation_mode": mode})
+    """Return the cell with another start, operation mode and sensor, and nothing around it.
+
+    Its joints are jogged as quickly as is asked: what the tool's own bound takes off is no touch.
+    """
+    changes = {"mechanism.operation_mode": mode, "limits.jog_speed": 10.0}
+    cell = altered(_standing(cell, start), changes)
     if not sensed:
         cell = altered(cell, {"mechanism.force_torque": None})
     return surrounded(cell, wall=None, boxes=())
