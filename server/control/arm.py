@@ -666,7 +666,7 @@ class Arm:
             torque=actuated.state,
             station=station,
             resistance=allowed.resistance,
-            by_hand=asked.found.by_hand.along(limited.motion.dq),
+            by_hand=asked.found.by_hand.along(motion.dq),
             max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
             task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
         )

@@ -182,6 +182,18 @@ def test_the_spare_motion_of_an_arm_without_an_elbow_on_a_circle_leaves_its_tool
     assert q[-1] == pytest.approx(q[0], abs=0.05)  # and the same way back
 
 
+@pytest.mark.parametrize(("mechanism", "own"), [("left", slice(0, 7)), ("right", slice(7, 14))])
+def test_one_of_two_arms_turns_its_elbow_and_the_other_stands(play, mechanism, own):
+    run = play(turn(0.3, 0.4, 1.5, mechanism=mechanism), seconds=2.0, cell=load_cell("pa10_two"))
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["refused"] == []
+    q = np.array([s.q_command for s in between(run, 0.2, 1.9)])
+    way = np.abs(q[-1] - q[0])
+    assert way[own].max() > 0.2
+    # The other gives way to the noise of its sensor, and to nothing else.
+    assert np.delete(way, own).max() < 5e-4
+
+
 def test_an_obstacle_beside_the_elbow_comes_first(play):
     """Without it the elbow would go through."""
     ball = {"name": "ball", "shape": "sphere", "xyz": [0.16, -0.42, 0.5], "radius": 0.05}
