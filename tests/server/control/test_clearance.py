@@ -15,7 +15,7 @@ from telerobot.config.schema.surroundings import (
 )
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.barriers.clearance import CollisionConstraint
-from telerobot.server.control.inputs import StickCommand
+from telerobot.server.control.inputs import Intent, StickCommand
 from telerobot.server.control.scene import Body, Moved, Scene
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.tick import Control
@@ -102,6 +102,22 @@ def test_without_avoidance_the_same_stick_does(pa10):
         kept.go(float(rng.uniform(0.05, 0.8)), hostile(rng))
     assert min(kept.least) < -PROMISE
     assert kept.run.outputs[-1].gaps == ()
+
+
+def test_the_best_gap_so_far_is_forgotten_while_drives_are_off(pa10):
+    """What was once reached binds an arm that goes on, and none that was moved by others."""
+    far = ObstacleSection(name="ball", shape="sphere", xyz=(0.9, 0.0, 0.5), radius=0.05)
+    near = far.model_copy(update={"radius": 0.05 + Kept(pa10, (far,)).gap() + 0.005})
+    kept = Kept(pa10, (near,))
+    kept.go(0.02)
+    found = dict(kept.run.memory.levels)
+    assert found
+    better = {pair: gap + 2e-5 for pair, gap in found.items()}
+    kept.run.memory = kept.run.memory._replace(levels=better)
+    kept.go(0.01)
+    assert kept.run.memory.levels == pytest.approx(better, abs=1e-6)
+    kept.run.tick(intent=Intent.SEED, scene=kept.world.scene(0))
+    assert kept.run.memory.levels == pytest.approx(found, abs=1e-6)
 
 
 @pytest.mark.parametrize("twist", [(0, 0, -0.5, 0, 0, 0), (0.3, 0.3, -0.4, 0, 0, 0)])

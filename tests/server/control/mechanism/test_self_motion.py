@@ -2,14 +2,17 @@
 
 import math
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.inputs import SelfMotionRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.inputs import Inputs, Intent, SelfMotionRequest
 from telerobot.server.control.mechanism.self_motion import BOUNDED, IDLE, NONE_SPARE, SINGULAR
 from telerobot.server.control.spatial import Motion, Pose
+from telerobot.server.control.stop.limiter import Commanded
 
 MRF = Pose.from_xyz_rpy((0.05, -0.02, 0.15), (0.3, -0.5, 0.7))
 STEP = 1e-6
@@ -118,3 +121,24 @@ def test_a_stretched_elbow_and_an_arm_without_spare_joints_say_so():
     assert answer.limits == (NONE_SPARE,)
     assert not answer.dq.any()
     assert [arm_of(n).body.spare(None, None) for n in ("pa10", "ur5e", "ranger")] == [1, 0, 2]
+
+
+def test_the_more_avoiding_comes_first_the_less_an_operator_moves_the_spare_joints(pa10):
+    """By the body: of the rate there is left what priority leaves of a hand's force, too."""
+    arm, q = arm_of("pa10"), np.array([0.0, 0.6, 0.4, 1.3, 0.2, 0.9, 0.0])
+    k = arm.mechanism.kinematics(q, pa10.settings.T_wrist_mrf)
+    inputs = Inputs(
+        0.0, Intent.MOVE, q, pa10.settings, at_posture=True, self_motion=SelfMotionRequest(0.1)
+    )
+
+    def rate(near):
+        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7), Commanded.at_rest(q), near=near)
+        state = at_rate(0.1)
+        for _ in range(100):
+            request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), by_hand=state)
+            state = arm.body.rates(seen, request).by_hand
+        return float(state.motion.dq[0])
+
+    assert rate(None) == pytest.approx(0.1)
+    for alpha in (0.0, 0.2, 0.8, 1.0):
+        assert rate(SimpleNamespace(alpha=alpha)) == pytest.approx(0.1 * (1.0 - alpha), abs=1e-9)

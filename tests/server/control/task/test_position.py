@@ -5,6 +5,7 @@ from telerobot.config.schema.sources import PositionSection
 from telerobot.server.control.inputs import PathGoal
 from telerobot.server.control.spatial import Pose, rotate_twist, rotation_exp, rotation_log
 from telerobot.server.control.task.position import Position, PositionState
+from telerobot.server.control.task.source import Granted
 
 from .shown import SHAPING, A, T, shown
 from .shown import granted as let_through
@@ -189,3 +190,13 @@ def test_half_a_turn_is_no_trouble():
     goal = PathGoal(Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3)), 1)
     tool.go(12.0, goal)
     assert tool.state.at_goal
+
+
+@pytest.mark.parametrize(("scale", "slid"), [(0.8, False), (0.5, True)])
+def test_along_a_verified_stop_nothing_of_what_was_asked_for_is_granted(scale, slid):
+    """What a barrier turned off its path is told all the same."""
+    here = Pose.identity()
+    goes = Granted.of(scale, 0.8, SPEED, here, stopped=False)
+    assert (goes.share, goes.pace, goes.slid) == (scale, 0.8, slid)
+    stops = Granted.of(scale, 0.8, SPEED, here, stopped=True)
+    assert (stops.share, stops.pace, stops.slid) == (0.0, 0.0, slid)
