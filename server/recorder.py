@@ -417,15 +417,13 @@ def read_row(data: bytes) -> ReadTick:
 
 
 class FlightLog:
-    """Keeps the rows of the newest ticks of one cell."""
+    """Makes the rows of one cell's ticks, and holds the newest for a black box."""
 
     def __init__(self, period_s: float, arms: int, wall_ns: Callable[[], int] = time.time_ns):
         """Build it for so many arms; `wall_ns` tells the wall clock's time [ns]."""
         self.rows: deque[KeptTick] = deque(maxlen=max(KEY_EVERY, round(SECONDS / period_s)))
         self.taps: list[Callable[[KeptTick], None]] = []
-        """Called with every row."""
-        self.boxed = True
-        """Rows are kept for a black box; without one they are made for `taps` alone."""
+        """Called with every row; without any, rows are not made."""
         self._wall_ns = wall_ns
         self._packers = [InputsPacker() for _ in range(arms)]
         self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
@@ -446,9 +444,9 @@ class FlightLog:
     ) -> None:
         """Keep one tick: what it began with, looked at of each arm, ended with and decided.
 
-        A tick that raised has neither `after` nor `outputs`. What nobody is to have is not packed.
+        A tick that raised has neither `after` nor `outputs`.
         """
-        if not (self.boxed or self.taps):
+        if not self.taps:
             return
         goes_on, self._next = memory is self._next, after
         self._count += 1
@@ -464,7 +462,6 @@ class FlightLog:
         )  # fmt: skip
         key = memory if not goes_on or tick % KEY_EVERY == 0 else None
         row = KeptTick(tick, self._wall_ns(), data, key)
-        self.rows.append(row)
         for tap in self.taps:
             tap(row)
 
@@ -574,7 +571,8 @@ class Flight:
 
     def __init__(self, log: FlightLog, events: Events, box: BlackBox | None = None) -> None:
         self.log, self._events, self._box = log, events, box
-        log.boxed = box is not None
+        if box is not None:
+            log.taps.append(log.rows.append)
         self._mode = Mode.BOOT
         self._due: tuple[str, int] | None = None
         """Kind and tick of the file that is to be written."""

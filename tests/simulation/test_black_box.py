@@ -67,7 +67,7 @@ def test_ticks_are_packed_for_a_box_or_for_who_taps_them_and_for_nobody_else(pa1
     for _ in range(3):
         simulation.step()
     simulation.close()
-    assert taken == list(log.rows)
+    assert not log.rows  # they are a box's
     assert [row.memory is not None for row in taken] == [True, False, False]
 
 
