@@ -131,6 +131,20 @@ class Connection:
         """End the session."""
         self.session.close()
 
+    def _wait(self, send: Callable[[OnReply], None]) -> requests.Reply:
+        """Send a request, and return its reply. Raises `OperatorError` when refused."""
+        replies: list[requests.Reply] = []
+        try:
+            send(replies.append)
+        except NoLease as error:
+            raise OperatorError("no_lease", str(error)) from None
+        self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
+        if not replies:
+            raise OperatorError("no_answer", "the daemon did not answer")
+        if not replies[0].ok:
+            raise OperatorError(replies[0].reason, replies[0].detail)
+        return replies[0]
+
     def _rest(self) -> None:
         """Let a little time pass between two turns."""
         time.sleep(POLL_S)
@@ -167,45 +181,77 @@ class Connection:
 
 # --- Motions of a task: stick, targets, postures, paths, master, frames, the null space -----------
 class Motions(ABC):
-    """Base of a client that leads the motions of one task; subclasses say how it sends."""
+    """Base of a client that leads the motions of one task, through an operator's connection."""
 
+    _led: TaskDescription | None = None
+    """The task that is led; None: the first, which commands need not name."""
+
+    @property
     @abstractmethod
+    def _line(self) -> Connection:
+        """Connection of the operator who leads."""
+
     def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send any command."""
+        """Send any command. Raises `OperatorError` without the lease, `ValueError` for fields that
+        its message does not take.
+        """
+        self.need_lease()
+        self._line.client.command(topic, **self._named(topic), **fields)
 
-    @abstractmethod
     def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
-        """Send any request and return its reply."""
+        """Send any request and return its reply. Raises `OperatorError` when refused."""
+        fields = {**self._named(topic), **fields}
+        return self._line._wait(
+            lambda on_reply: self._line.client.request(topic, on_reply, **fields)
+        )
 
-    @abstractmethod
     def stream(self, topic: t.Topic, **fields: Any) -> None:
-        """Keep sending a command at 100 Hz."""
+        """Keep sending a command at 100 Hz, inside `spin`, until the next call or `end_stream`.
 
-    @abstractmethod
+        Raises `OperatorError` without the lease, `ValueError` for fields that its message does not
+        take.
+        """
+        self.need_lease()
+        self._line.client.stream(topic, **self._named(topic), **fields)
+
     def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
         """Fall silent on a topic, for a task or mechanism; without a name, for all."""
+        own = next(iter(self._named(topic).values()), None)
+        self._line.client.end_stream(topic, named or own)
 
-    @abstractmethod
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
         """Keep the session alive for a while, or until something holds; return whether it did."""
+        return self._line.spin(seconds, until)
 
-    @abstractmethod
     def need_lease(self) -> None:
         """Raise `OperatorError` without the lease."""
+        if not self._line.holds_lease:
+            raise OperatorError("no_lease", f"{self._line.client.name} does not hold the lease")
 
-    @abstractmethod
     def task_state(self) -> TaskState | None:
-        """Return the newest state of the task."""
+        """Return the newest state of the task; an operator's is the first, which needs no name."""
+        state = self.cell_state
+        return None if state is None else state.of(None if self._led is None else self._led.task)
 
     @property
-    @abstractmethod
     def cell_state(self) -> State | None:
         """The newest state of the cell."""
+        return self._line.state
 
     @property
-    @abstractmethod
     def sent(self) -> int:
         """Number of the newest message that was sent."""
+        return self._line.client.seq
+
+    def _named(self, topic: t.Topic) -> dict[str, str]:
+        """Return what names the task, or its mechanism, in a topic's message."""
+        if self._led is None:
+            return {}
+        if issubclass(topic.message, TaskCommand):
+            return {"task": self._led.task}
+        if issubclass(topic.message, MechanismCommand):
+            return {"mechanism": self._led.mechanism}
+        return {}
 
     def joystick(
         self,
@@ -421,61 +467,18 @@ class Motions(ABC):
 class TaskClient(Motions):
     """Leads a task; `operator.task(NAME)` makes one. Lease and mode are the operator's."""
 
-    def __init__(self, operator: Motions, description: TaskDescription) -> None:
+    def __init__(self, operator: Connection, description: TaskDescription) -> None:
         self._operator = operator
-        self.description = description
+        self.description = self._led = description
 
     @property
     def name(self) -> str:
         """Name of the task."""
         return self.description.task
 
-    def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send any command for this task, or its mechanism. Raises as the operator's does."""
-        self._operator.command(topic, **self._named(topic), **fields)
-
-    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
-        """Send any request for this task, or its mechanism. Raises `OperatorError`."""
-        return self._operator.request(topic, **self._named(topic), **fields)
-
-    def stream(self, topic: t.Topic, **fields: Any) -> None:
-        """Keep sending a command for this task at 100 Hz. Raises as the operator's does."""
-        self._operator.stream(topic, **self._named(topic), **fields)
-
-    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
-        """Fall silent on a topic, for this task."""
-        for own in self._named(topic).values():
-            self._operator.end_stream(topic, named or own)
-
-    def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
-        """Keep the session alive for a while, or until something holds; return whether it did."""
-        return self._operator.spin(seconds, until)
-
-    def need_lease(self) -> None:
-        """Raise `OperatorError` without the lease."""
-        self._operator.need_lease()
-
-    def task_state(self) -> TaskState | None:
-        """Return the newest state of the task."""
-        state = self.cell_state
-        return None if state is None else state.of(self.name)
-
     @property
-    def cell_state(self) -> State | None:
-        """The newest state of the cell."""
-        return self._operator.cell_state
-
-    @property
-    def sent(self) -> int:
-        """Number of the newest message that was sent."""
-        return self._operator.sent
-
-    def _named(self, topic: t.Topic) -> dict[str, str]:
-        if issubclass(topic.message, TaskCommand):
-            return {"task": self.name}
-        if issubclass(topic.message, MechanismCommand):
-            return {"mechanism": self.description.mechanism}
-        return {}
+    def _line(self) -> Connection:
+        return self._operator
 
 
 # --- Remote operator over Zenoh: `telerobot.Operator`, for a user's own scripts -------------------
@@ -510,6 +513,10 @@ class Operator(Connection, Motions):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def _line(self) -> Connection:
+        return self
 
     def wait_state(self, timeout_s: float = REPLY_TIMEOUT_S) -> State:
         """Return the newest state, waiting for the first. Raises `OperatorError` if none comes."""
@@ -574,10 +581,6 @@ class Operator(Connection, Motions):
         """Let the arms of a joint task hold its payload, or let go of it; only at rest."""
         self.request(t.HOLD_TOGETHER, task=task, on=on)
 
-    def request(self, topic: t.Topic, **fields: Any) -> requests.Reply:
-        """Send any request and return its reply. Raises `OperatorError` when refused."""
-        return self._wait(lambda on_reply: self.client.request(topic, on_reply, **fields))
-
     def paced(self, rate: float, seconds: float) -> Iterator[int]:
         """Yield 0, 1, 2, … so many times a second [1/s] for a while, for a loop's body to follow.
 
@@ -604,40 +607,6 @@ class Operator(Connection, Motions):
         except ValueError as error:
             raise OperatorError("unknown_task", str(error)) from None
 
-    def stream(self, topic: t.Topic, **fields: Any) -> None:
-        """Keep sending a command at 100 Hz, inside `spin`, until the next call or `end_stream`.
-
-        Raises `OperatorError` without the lease, `ValueError` for fields that its message does not
-        take.
-        """
-        self.need_lease()
-        self.client.stream(topic, **fields)
-
-    def end_stream(self, topic: t.Topic, named: str | None = None) -> None:
-        """Fall silent on a topic, for a task or mechanism; without a name, for all."""
-        self.client.end_stream(topic, named)
-
-    def task_state(self) -> TaskState | None:
-        """Return the newest state of the task that commands without a name are for."""
-        return None if self.state is None else self.state.of(None)
-
-    @property
-    def cell_state(self) -> State | None:
-        """The newest state of the cell."""
-        return self.state
-
-    @property
-    def sent(self) -> int:
-        """Number of the newest message that was sent."""
-        return self.client.seq
-
-    def command(self, topic: t.Topic, **fields: Any) -> None:
-        """Send any command. Raises `OperatorError` without the lease, `ValueError` for fields that
-        its message does not take.
-        """
-        self.need_lease()
-        self.client.command(topic, **fields)
-
     def close(self) -> None:
         """Release the lease, if held, and end the session."""
         if self.holds_lease and not self.client.mute:
@@ -646,21 +615,3 @@ class Operator(Connection, Motions):
             except OperatorError:
                 self.client.secret = None  # it has run out already: there is nothing to release
         super().close()
-
-    def need_lease(self) -> None:
-        """Raise `OperatorError` without the lease."""
-        if not self.holds_lease:
-            raise OperatorError("no_lease", f"{self.client.name} does not hold the lease")
-
-    def _wait(self, send: Callable[[OnReply], None]) -> requests.Reply:
-        replies: list[requests.Reply] = []
-        try:
-            send(replies.append)
-        except NoLease as error:
-            raise OperatorError("no_lease", str(error)) from None
-        self.spin(REPLY_TIMEOUT_S + 1.0, lambda: bool(replies))
-        if not replies:
-            raise OperatorError("no_answer", "the daemon did not answer")
-        if not replies[0].ok:
-            raise OperatorError(replies[0].reason, replies[0].detail)
-        return replies[0]

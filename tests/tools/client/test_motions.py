@@ -15,38 +15,40 @@ ENVELOPE = {"seen_tick": 1}
 
 
 class Said(Motions):
-    """An operator who only says things; each must be a sound message."""
+    """An operator who only says things, and its own client; each must be a sound message."""
+
+    holds_lease = True
+    state = SimpleNamespace(
+        at_goal=False,
+        last_seq={"cmd/position": 3},
+        of=lambda task: SimpleNamespace(at_goal=task == "right"),
+    )
 
     def __init__(self):
         self.heard = []
+        self.client = SimpleNamespace(
+            command=self.hear, stream=self.hear, request=self.answer, seq=3,
+            end_stream=lambda topic, named: self.heard.append((topic, named)),
+        )  # fmt: skip
 
-    def command(self, topic, **fields):
+    @property
+    def _line(self):
+        return self
+
+    def hear(self, topic, **fields):
         self.heard.append((topic, topic.message(**ENVELOPE, **fields)))
 
-    def request(self, topic, **fields):
-        self.command(topic, **fields)
-        return requests.Reply(ok=True)
+    def answer(self, topic, on_reply, **fields):
+        self.hear(topic, **fields)
+        on_reply(requests.Reply(ok=True))
 
-    stream = command
-
-    def end_stream(self, topic, named=None):
-        self.heard.append((topic, named))
+    def _wait(self, send):
+        replies = []
+        send(replies.append)
+        return replies[0]
 
     def spin(self, seconds=0.0, until=None):
         return until is None or until()
-
-    def need_lease(self):
-        pass
-
-    def task_state(self):
-        return self.cell_state
-
-    cell_state = SimpleNamespace(
-        at_goal=False,
-        last_seq={"cmd/position": 3},
-        of={"right": SimpleNamespace(at_goal=True)}.get,
-    )
-    sent = 3
 
 
 def test_every_word_is_a_sound_message_on_its_topic():
