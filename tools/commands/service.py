@@ -5,6 +5,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from string import Template
 from typing import Final
 
 from ...config.errors import ConfigError, printable
@@ -23,72 +24,27 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--user {printable(args.user)}: no name of a user")
     if args.cpus is not None and not _CPUS.fullmatch(args.cpus):
         raise ConfigError(f"--cpus {printable(args.cpus)}: a list such as 3 or 2-3 is wanted")
-    print(unit(load_cell(args.cell), args.cell, args.user, args.cpus or _isolated()))
+    print(unit(load_cell(args.cell), args.cell, args.user, args.cpus or _isolated()), end="")
     return 0
 
 
 def unit(cell: Cell, asked: str, user: str, cpus: str) -> str:
     """Return the unit of a cell, which was `asked` for by name or path; "" are all processors."""
-    name = cell.config.name
     place = asked if asked in shipped("cells") else str(cell.path.resolve())
     command = [*_program(), "serve", place]
     at_home = any(word.startswith(_HOMES) for word in command)
-    lines = [
-        f"# /etc/systemd/system/telerobot-{name}.service: systemctl enable --now telerobot-{name}",
-        f"# Once before: useradd --system {user}; what the cell names has to be readable for it.",
-        "[Unit]",
-        f"Description=telerobot {name}: {_escaped(cell.config.description) or 'control server'}",
-        "Wants=network-online.target",
-        "After=network-online.target",
-        *_buses(cell),
-        "",
-        "[Service]",
-        "Type=notify",
-        f"ExecStart={' '.join(_quoted(word) for word in command)}",
-        f"User={user}",
-        "# Black boxes are written to the one, compiled kernels kept in the other.",
-        f"StateDirectory=telerobot/{name}",
-        "CacheDirectory=telerobot",
-        "Environment=NUMBA_CACHE_DIR=%C/telerobot OPENBLAS_NUM_THREADS=1",
-        "# It waits for drives, and compiles at first; it stops by bringing arms to rest.",
-        "TimeoutStartSec=infinity",
-        "TimeoutStopSec=10",
-        "# No arm is switched on by a restart. 2: the cell is wrong, and would be again.",
-        "Restart=on-failure",
-        "RestartSec=2",
-        "RestartPreventExitStatus=2",
-        "",
-        "# The control thread asks for SCHED_FIFO itself; threads of the network stay ordinary.",
-        f"LimitRTPRIO={PRIORITY}",
-        "LimitMEMLOCK=infinity",
-        "CPUSchedulingResetOnFork=yes",
-        *([f"CPUAffinity={cpus}"] if cpus else []),
-        "",
-        "# Kernels are compiled in memory: MemoryDenyWriteExecute cannot be had.",
-        "NoNewPrivileges=yes",
-        "CapabilityBoundingSet=",
-        "ProtectSystem=strict",
-        f"ProtectHome={'read-only' if at_home else 'yes'}",
-        "PrivateTmp=yes",
-        *(["PrivateDevices=yes"] if _no_devices(cell) else []),
-        "ProtectKernelTunables=yes",
-        "ProtectKernelModules=yes",
-        "ProtectKernelLogs=yes",
-        "ProtectControlGroups=yes",
-        "ProtectClock=yes",
-        "ProtectHostname=yes",
-        "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK AF_CAN",
-        "RestrictNamespaces=yes",
-        "RestrictSUIDSGID=yes",
-        "LockPersonality=yes",
-        "SystemCallArchitectures=native",
-        "SystemCallFilter=@system-service",
-        "UMask=0077",
-        "",
-        "[Install]",
-        "WantedBy=multi-user.target",
-    ]
-    return "\n".join(lines)
+    template = Template(Path(__file__).with_name("unit.service").read_text(encoding="utf-8"))
+    return template.substitute(
+        name=cell.config.name,
+        user=user,
+        description=_escaped(cell.config.description) or "control server",
+        buses="".join(f"\n{line}" for line in _buses(cell)),
+        command=" ".join(_quoted(word) for word in command),
+        priority=PRIORITY,
+        cpus=f"\nCPUAffinity={cpus}" if cpus else "",
+        homes="read-only" if at_home else "yes",
+        devices="\nPrivateDevices=yes" if _no_devices(cell) else "",
+    )
 
 
 def _program() -> list[str]:
