@@ -8,6 +8,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.bus import Entry
 from ....config.schema.mechanism import DriveSection
+from ....drivers.canopen.sdo import SdoAbortError, SdoSilenceError, named
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus, open_buses
 from ....protocols.canopen import can301, cia402
@@ -29,7 +30,6 @@ from ....protocols.canopen.cia402 import (
     Status,
 )
 from ..findings import Finding, Severity
-from .on_bus import SdoAbortError, SdoSilenceError, named
 from .tried_drive import (
     I8,
     I16,

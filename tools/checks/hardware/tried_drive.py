@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from ....drivers.canopen.sdo import SdoAbortError, SdoClient, named
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus
 from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import NmtCommand, NmtState
 from ....protocols.canopen.cia402 import DriveState, Object
-from .on_bus import SdoAbortError, SdoClient, named
 
 # --- A drive that a rule is tried on: SDO, PDOs, NMT, and everything put back after each rule -----
 BOOT_S: Final = 5.0  # a drive has restarted its communication within so long [s]
@@ -82,8 +82,8 @@ class TriedDrive:
         try:
             self.put(index, subindex, layout, value)
         except SdoAbortError as error:
-            if self.sdo.last_abort is not None and self.sdo.last_abort[:2] != (index, subindex):
-                raise BrokenError(f"the abort names {self.sdo.last_abort[0]:04X}h") from None
+            if self.sdo.newest != (index, subindex):
+                raise BrokenError(f"the abort names {self.sdo.newest[0]:04X}h") from None
             return error.code
         raise BrokenError(f"{index:04X}h:{subindex} takes {value}")
 
