@@ -4,7 +4,7 @@ Drivers ask nodes that are known; this is for looking at others, and at how they
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -37,6 +37,17 @@ def named(code: int) -> str:
     return f"{code >> 16:04X} {code & 0xFFFF:04X}h ({name})"
 
 
+def wait_for(fieldbus: Fieldbus, condition: Callable[[], bool], seconds: float) -> bool:
+    """Dispatch frames until something holds; return False if it does not in time [s].
+
+    Goes on where a bus looks up early, as one in virtual time does.
+    """
+    deadline = fieldbus.clock() + seconds
+    while not condition() and fieldbus.clock() < deadline:
+        fieldbus.wait_until(condition, deadline - fieldbus.clock())
+    return condition()
+
+
 class _Transfers(client.SdoClient):
     """canopen's client of a node on a bus that is read while it waits."""
 
@@ -54,11 +65,7 @@ class _Transfers(client.SdoClient):
             raise DeviceError(f"{self._bus.name}: {self._bus.trouble}")
 
     def read_response(self) -> bytes:
-        bus = self._bus
-        deadline = bus.clock() + self._reply_s
-        while self.responses.empty() and bus.clock() < deadline:
-            bus.wait_until(lambda: not self.responses.empty(), deadline - bus.clock())
-        if self.responses.empty():
+        if not wait_for(self._bus, lambda: not self.responses.empty(), self._reply_s):
             raise SdoCommunicationError(f"no answer within {self._reply_s} s")
         self.newest = self.responses.queue[0]
         reply: bytes = super().read_response()  # type: ignore[no-untyped-call]

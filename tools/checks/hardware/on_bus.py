@@ -7,7 +7,7 @@ from typing import Final
 from ....config.load import Cell
 from ....config.schema.bus import CanOpenNodeSection, Entry
 from ....config.schema.mechanism import DriveSection
-from ....drivers.canopen.sdo import SdoAbortError, SdoClient, SdoSilenceError
+from ....drivers.canopen.sdo import SdoAbortError, SdoClient, SdoSilenceError, wait_for
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus, Fieldbuses, open_buses
 from ....protocols.canopen import can301, cia402
@@ -55,11 +55,9 @@ class FoundNode:
 
 def listen_for_masters(fieldbus: Fieldbus) -> None:
     """Listen whether somebody commands on the bus. Raises `DeviceError`."""
-    deadline = fieldbus.clock() + QUIET_S
-    while fieldbus.trouble is None and fieldbus.clock() < deadline:
-        fieldbus.wait_until(lambda: fieldbus.trouble is not None, deadline - fieldbus.clock())
+    wait_for(fieldbus, lambda: fieldbus.trouble is not None, QUIET_S)
     if fieldbus.trouble is not None:
-        raise DeviceError(f"{fieldbus.name}: {fieldbus.trouble.detail}")
+        raise DeviceError(f"{fieldbus.name}: {fieldbus.trouble.detail}: a control server is on it")
 
 
 def nodes_on(fieldbus: Fieldbus) -> list[int]:
@@ -72,8 +70,8 @@ def nodes_on(fieldbus: Fieldbus) -> list[int]:
         if not fieldbus.send(can301.sdo_request_id(node), question):
             why = fieldbus.trouble.detail if fieldbus.trouble else "cannot send"
             raise DeviceError(f"{fieldbus.name}: {why}: is the bus up, and is anybody on it?")
-        _pass(fieldbus, PACE_S)
-    _pass(fieldbus, LATE_S)
+        wait_for(fieldbus, lambda: False, PACE_S)
+    wait_for(fieldbus, lambda: False, LATE_S)
     return sorted(heard)
 
 
@@ -93,17 +91,11 @@ def read_node(fieldbus: Fieldbus, node: int, *, drive: bool) -> FoundNode:
     return FoundNode(node, name, values)
 
 
-def _pass(fieldbus: Fieldbus, seconds: float) -> None:
-    deadline = fieldbus.clock() + seconds
-    while fieldbus.clock() < deadline:
-        fieldbus.wait_until(lambda: False, deadline - fieldbus.clock())
-
-
 # --- Compare what one drive holds with the cell's table of it, in the joint's units ---------------
 LIMIT: Final = 1e-3  # 607Dh and the cell's limits are the same within this [rad]
 TORQUE: Final = 0.01  # 6076h and `rated_torque` are the same within this part [1]
 _UNBOUNDED: Final = SPAN - 2
-_OFF: Final = (
+POWER_IS_OFF: Final = (
     DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON,
 )  # fmt: skip
 
@@ -137,7 +129,7 @@ def _state(name: str, found: FoundNode) -> Finding:
     status = Severity.OK
     if state.in_fault or code:
         status, text = Severity.WARN, f"{text}, 603Fh {code:04X}h: {emcy_name(code)}"
-    elif state not in _OFF:
+    elif state not in POWER_IS_OFF:
         status, text = Severity.ERROR, f"{text}: its power is on, and nobody here has asked for it"
     register = found.get(Com.ERROR_REGISTER) or 0
     return Finding(check, status, text, {"statusword": word, "code": code, "register": register})

@@ -30,10 +30,12 @@ from ....protocols.canopen.cia402 import (
     Status,
 )
 from ..findings import Finding, Severity
+from .on_bus import POWER_IS_OFF, listen_for_masters
 from .tried_drive import (
     I8,
     I16,
     I32,
+    PERIOD_S,
     U8,
     U16,
     U32,
@@ -55,7 +57,7 @@ _NOWHERE: Final = 0xE123  # an index of the range that the standard reserves
 _DRIVE_PROFILE: Final = 402
 _BEAT_MS: Final = 50
 _RESERVED_TYPE: Final = 245
-_READY: Final = DriveState.READY_TO_SWITCH_ON
+_READY, _OFF = DriveState.READY_TO_SWITCH_ON, DriveState.SWITCH_ON_DISABLED
 
 
 def _is(code: int, *allowed: int) -> None:
@@ -76,21 +78,20 @@ def _identity(drive: TriedDrive) -> None:
 
 
 def _no_object(drive: TriedDrive) -> None:
-    try:
-        drive.sdo.read(_NOWHERE)
-    except SdoAbortError as error:
-        _is(error.code, Abort.NO_OBJECT)
-        return
-    raise BrokenError(f"{_NOWHERE:04X}h can be read")
+    _unreadable(drive, _NOWHERE, 0, Abort.NO_OBJECT)
 
 
 def _no_subindex(drive: TriedDrive) -> None:
+    _unreadable(drive, Com.IDENTITY, 0xFE, Abort.NO_SUBINDEX)
+
+
+def _unreadable(drive: TriedDrive, index: int, subindex: int, why: Abort) -> None:
     try:
-        drive.sdo.read(Com.IDENTITY, 0xFE)
+        drive.sdo.read(index, subindex)
     except SdoAbortError as error:
-        _is(error.code, Abort.NO_SUBINDEX)
+        _is(error.code, why)
         return
-    raise BrokenError("1018h:254 can be read")
+    raise BrokenError(f"{index:04X}h:{subindex} can be read")
 
 
 def _read_only(drive: TriedDrive) -> None:
@@ -196,8 +197,7 @@ def _on_change(drive: TriedDrive) -> None:
     drive.nmt(NmtCommand.START)
     drive.listen(0.1)
     drive.pdos.clear()
-    drive.command(Controlword.SHUTDOWN)
-    drive.expect(_READY)
+    drive.go(Controlword.SHUTDOWN, _READY)
 
     def told() -> bool:
         words = [int.from_bytes(data[:2], "little") for data in drive.pdos]
@@ -281,26 +281,20 @@ def _state(drive: TriedDrive) -> None:
 
 
 def _ready_and_back(drive: TriedDrive) -> None:
-    drive.command(Controlword.DISABLE_VOLTAGE)
-    drive.expect(DriveState.SWITCH_ON_DISABLED)
-    drive.command(Controlword.SHUTDOWN)
-    drive.expect(DriveState.READY_TO_SWITCH_ON)
-    drive.command(Controlword.DISABLE_VOLTAGE)
-    drive.expect(DriveState.SWITCH_ON_DISABLED)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
+    drive.go(Controlword.SHUTDOWN, _READY)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _quick_stop_when_ready(drive: TriedDrive) -> None:
-    drive.command(Controlword.SHUTDOWN)
-    drive.expect(DriveState.READY_TO_SWITCH_ON)
-    drive.command(Controlword.QUICK_STOP)
-    drive.expect(DriveState.SWITCH_ON_DISABLED)
+    drive.go(Controlword.SHUTDOWN, _READY)
+    drive.go(Controlword.QUICK_STOP, _OFF)
 
 
 def _reset_without_fault(drive: TriedDrive) -> None:
-    drive.command(Controlword.SHUTDOWN)
-    drive.expect(DriveState.READY_TO_SWITCH_ON)
+    drive.go(Controlword.SHUTDOWN, _READY)
     drive.command(Controlword.SHUTDOWN | Controlword.FAULT_RESET)
-    if drive.state is not DriveState.READY_TO_SWITCH_ON:
+    if drive.state is not _READY:
         raise BrokenError(f"bit 7 without a fault leads to {drive.state.name}")
 
 
@@ -402,22 +396,8 @@ POWER_OFF: Final = (
 # motion
 #
 # Setpoints are the drive's own position, at every SYNC.
-PERIOD_S: Final = 0.01
-ENABLE_S: Final = 3.0  # a brake opens within so long [s]
 _HELD_S: Final = 0.3
-_OFF: Final = DriveState.SWITCH_ON_DISABLED
 _ON, _ENABLED = DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED
-
-
-def _reach(drive: TriedDrive, state: DriveState, word: int) -> None:
-    """Write a controlword, and send SYNCs until the drive is in a state. Raises `BrokenError`."""
-    drive.command(word)
-    deadline = drive.bus.clock() + ENABLE_S
-    while (found := drive.state) is not state:
-        if drive.bus.clock() > deadline:
-            raise BrokenError(f"controlword {word:#04x}: stays in {found.name}, not {state.name}")
-        drive.sync()
-        drive.listen(PERIOD_S)
 
 
 def _switch_on(drive: TriedDrive) -> None:
@@ -429,18 +409,18 @@ def _switch_on(drive: TriedDrive) -> None:
     here = drive.sdo.read(Object.POSITION_ACTUAL)
     drive.sdo.write(Object.TARGET_POSITION, 0, here)
     drive.nmt(NmtCommand.START)
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
-    _reach(drive, _READY, Controlword.SHUTDOWN)
-    _reach(drive, _ON, Controlword.SWITCH_ON)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
+    drive.go(Controlword.SHUTDOWN, _READY)
+    drive.go(Controlword.SWITCH_ON, _ON)
 
 
 def _enable(drive: TriedDrive) -> None:
     _switch_on(drive)
-    _reach(drive, _ENABLED, Controlword.ENABLE_OPERATION)
+    drive.go(Controlword.ENABLE_OPERATION, _ENABLED)
 
 
 def _in_one_step(drive: TriedDrive) -> None:
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
     drive.command(Controlword.ENABLE_OPERATION)
     drive.listen(0.1)
     if drive.state is not _OFF:
@@ -449,26 +429,26 @@ def _in_one_step(drive: TriedDrive) -> None:
 
 def _transitions(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _ON, Controlword.SWITCH_ON)
-    _reach(drive, _READY, Controlword.SHUTDOWN)
-    _reach(drive, _ON, Controlword.SWITCH_ON)
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.go(Controlword.SWITCH_ON, _ON)
+    drive.go(Controlword.SHUTDOWN, _READY)
+    drive.go(Controlword.SWITCH_ON, _ON)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _shutdown(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _READY, Controlword.SHUTDOWN)
+    drive.go(Controlword.SHUTDOWN, _READY)
 
 
 def _disable_voltage(drive: TriedDrive) -> None:
     _enable(drive)
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _quick_stop(drive: TriedDrive) -> None:
     _enable(drive)
     drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
-    _reach(drive, _OFF, Controlword.QUICK_STOP)
+    drive.go(Controlword.QUICK_STOP, _OFF)
 
 
 def _stays(drive: TriedDrive) -> None:
@@ -477,11 +457,11 @@ def _stays(drive: TriedDrive) -> None:
         drive.put(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_AND_STAY)
     except SdoAbortError as error:
         raise AbsentError("605Ah = 6") from error
-    _reach(drive, DriveState.QUICK_STOP_ACTIVE, Controlword.QUICK_STOP)
+    drive.go(Controlword.QUICK_STOP, DriveState.QUICK_STOP_ACTIVE)
     drive.listen(_HELD_S)
     if drive.state is not DriveState.QUICK_STOP_ACTIVE:
         raise BrokenError(f"605Ah is 6, and the drive goes to {drive.state.name}")
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _true_mode(drive: TriedDrive) -> None:
@@ -496,7 +476,7 @@ def _true_mode(drive: TriedDrive) -> None:
     except SdoAbortError:
         shown = OperationMode.CSP
     show(drive, shown)
-    _reach(drive, _OFF, Controlword.DISABLE_VOLTAGE)
+    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _holds(drive: TriedDrive) -> None:
@@ -529,10 +509,6 @@ POWER_ON: Final = (
 # The drive stands, with its power off; nothing is asked to move. Rules that need power are
 # tried only when the caller says so. After each rule the drive gets everything back that was
 # written.
-QUIET_S: Final = 0.5  # a control server is heard within so long [s]
-_POWER_IS_OFF: Final = (
-    DriveState.NOT_READY, DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON,
-)  # fmt: skip
 
 
 def rules(*, power: bool) -> tuple[Rule, ...]:
@@ -546,26 +522,20 @@ def try_drive(fieldbus: Fieldbus, node: int, *, power: bool) -> Iterator[RuleVer
     Raises `DeviceError` where another master is heard, the node does not answer, or is on.
     """
     subject = TriedDrive(fieldbus, node)
-    subject.until(lambda: fieldbus.trouble is not None, QUIET_S)
-    if fieldbus.trouble is not None:
-        raise DeviceError(f"{fieldbus.name}: {fieldbus.trouble.detail}: a control server is on it")
+    listen_for_masters(fieldbus)
     try:
         state = subject.state
     except (BrokenError, FrameError) as error:
         raise DeviceError(f"node {node}: {error}") from error
-    if state not in _POWER_IS_OFF:
+    if state not in POWER_IS_OFF:
         raise DeviceError(f"node {node}: is in {state.name}: rules are tried on one that is off")
     subject.restart()
     for rule in rules(power=power):
-        yield _tried(rule, subject)
-
-
-def _tried(rule: Rule, subject: TriedDrive) -> RuleVerdict:
-    try:
-        outcome, detail = _outcome(rule.judge, subject)
-    finally:
-        subject.put_back()
-    return RuleVerdict(rule, outcome, detail)
+        try:
+            outcome, detail = _outcome(rule.judge, subject)
+        finally:
+            subject.put_back()
+        yield RuleVerdict(rule, outcome, detail)
 
 
 def _outcome(judge: Callable[[TriedDrive], None], subject: TriedDrive) -> tuple[RuleOutcome, str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from ....drivers.canopen.sdo import SdoAbortError, SdoClient, named
+from ....drivers.canopen.sdo import SdoAbortError, SdoClient, named, wait_for
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus
 from ....protocols.canopen import can301, cia402
@@ -16,6 +16,8 @@ from ....protocols.canopen.cia402 import DriveState, Object
 
 # --- A drive that a rule is tried on: SDO, PDOs, NMT, and everything put back after each rule -----
 BOOT_S: Final = 5.0  # a drive has restarted its communication within so long [s]
+ENABLE_S: Final = 3.0  # a drive is in another state within so long: a brake opens [s]
+PERIOD_S: Final = 0.01  # between two SYNCs [s]
 U8, I8, U16, I16, U32, I32 = "<B", "<b", "<H", "<h", "<I", "<i"
 
 
@@ -44,10 +46,7 @@ class TriedDrive:
 
     def until(self, condition: Callable[[], bool], seconds: float) -> bool:
         """Listen until something holds; return False if it does not in time [s]."""
-        deadline = self.bus.clock() + seconds
-        while not condition() and self.bus.clock() < deadline:
-            self.bus.wait_until(condition, deadline - self.bus.clock())
-        return condition()
+        return wait_for(self.bus, condition, seconds)
 
     def listen(self, seconds: float) -> None:
         """Listen for so long [s]."""
@@ -96,12 +95,19 @@ class TriedDrive:
         """Write the controlword."""
         self.sdo.write(Object.CONTROLWORD, 0, struct.pack(U16, word))
 
-    def expect(self, state: DriveState, seconds: float = 1.0) -> None:
-        """Wait for a state [s]. Raises `BrokenError`."""
-        deadline = self.bus.clock() + seconds
+    def expect(self, state: DriveState, after: str = "") -> None:
+        """Wait for a state, with SYNCs, which came `after` something. Raises `BrokenError`."""
+        deadline = self.bus.clock() + ENABLE_S
         while (found := self.state) is not state:
             if self.bus.clock() > deadline:
-                raise BrokenError(f"stays in {found.name}, not {state.name}")
+                raise BrokenError(f"{after}stays in {found.name}, not {state.name}")
+            self.sync()
+            self.listen(PERIOD_S)
+
+    def go(self, word: int, state: DriveState) -> None:
+        """Write the controlword, and wait for a state. Raises `BrokenError`."""
+        self.command(word)
+        self.expect(state, f"controlword {word:#04x}: ")
 
     # --- network --------------------------------------------------------------------------------
 
