@@ -4,7 +4,6 @@ import heapq
 import random
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from enum import Enum, auto
 from functools import partial
 
@@ -35,16 +34,8 @@ from .script import (
     in_order,
 )
 
-
 # --- Simulated connection of an operator: late, jittery, lossy, or cut ----------------------------
-@dataclass(frozen=True)
-class Conditions:
-    """Conditions of a connection."""
-
-    delay_s: float = 0.0  # one way, the same in both directions [s]
-    jitter: float = 0.0  # part of the delay by which it varies to either side, each time anew [1]
-    loss: float = 0.0  # part of what is sent that does not arrive [1]
-    cut: bool = False
+UNDISTURBED = LinkConditions()
 
 
 class DelayLine:
@@ -55,15 +46,15 @@ class DelayLine:
     line draws from its own seed: the same calls at the same times are carried alike.
     """
 
-    def __init__(self, seed: int = 1, conditions: Conditions | None = None) -> None:
+    def __init__(self, seed: int = 1, conditions: LinkConditions = UNDISTURBED) -> None:
         self._draw = random.Random(seed)
-        self._conditions = conditions or Conditions()
+        self._conditions = conditions
         self._underway: list[tuple[float, int, str | None, Callable[[], None]]] = []
         self._count = 0
         self._newest: dict[str, int] = {}
         self._reliable_s = 0.0
 
-    def set(self, conditions: Conditions) -> None:
+    def set(self, conditions: LinkConditions) -> None:
         """Carry under new conditions from now on; what is under way arrives as it was to."""
         self._conditions = conditions
 
@@ -89,7 +80,7 @@ class DelayLine:
         while self._underway and self._underway[0][0] <= now_s + 1e-9:
             self._arrive(*heapq.heappop(self._underway)[1:])
 
-    def _way(self, now: Conditions) -> float:
+    def _way(self, now: LinkConditions) -> float:
         if not now.jitter:
             return now.delay_s
         return now.delay_s * (1.0 + now.jitter * self._draw.uniform(-1.0, 1.0))
@@ -158,7 +149,7 @@ class Operators:
 
     def connect(self, name: str, to: LinkConditions) -> None:
         """Change an operator's connection; what is under way arrives as before."""
-        self._lines[name].set(Conditions(to.delay_s, to.jitter, to.loss, to.cut))
+        self._lines[name].set(to)
 
     def move_master(self, name: str, step: MovingMaster) -> None:
         """Move an operator's master device on at a twist, and stream its pose."""
@@ -180,7 +171,9 @@ class Operators:
     def _connected(self, name: str) -> ProtocolClient:
         """Return a client whose connection is a line of its own, both ways."""
         network = self._network
-        conditions = Conditions(0.5 * network.rtt_s, network.jitter, network.loss)
+        conditions = LinkConditions(
+            delay_s=0.5 * network.rtt_s, jitter=network.jitter, loss=network.loss
+        )
         line = self._lines[name] = DelayLine(network.seed + len(self._lines), conditions)
 
         def put(topic: t.Topic, payload: bytes, proof: bytes) -> None:

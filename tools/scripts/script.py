@@ -170,8 +170,8 @@ class LinkConditions(ScriptTable):
 
     cut: bool = False
     delay_s: float = Field(0.0, ge=0, le=60)  # delay one way, the same in both directions
-    jitter: float = Field(0.0, ge=0, le=1)
-    loss: float = Field(0.0, ge=0, lt=1)
+    jitter: float = Field(0.0, ge=0, le=1)  # part of the delay by which it varies, each time anew
+    loss: float = Field(0.0, ge=0, lt=1)  # part of what is sent that does not arrive
 
 
 class Until(ScriptTable):
@@ -453,10 +453,6 @@ class Expectations(ScriptTable):
             if isinstance(bounds, Bounds):
                 found = len(summary[name]) if name == "refused" else summary.get(name)
                 yield Expected(name, str(bounds), found, bounds.hold(_values(found)))
-
-
-def _most(bound: float | None) -> Bounds | None:
-    return None if bound is None else Bounds(most=bound)
 
 
 def _values(found: Any) -> list[float]:

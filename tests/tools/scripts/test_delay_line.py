@@ -1,12 +1,13 @@
 import pytest
-from telerobot.tools.scripts.player import Conditions, DelayLine
+from telerobot.tools.scripts.player import DelayLine
+from telerobot.tools.scripts.script import LinkConditions
 
 
 class Ride:
     """A line and what has come out of it, by the millisecond."""
 
     def __init__(self, seed=1, **conditions):
-        self.line = DelayLine(seed, Conditions(**conditions))
+        self.line = DelayLine(seed, LinkConditions(**conditions))
         self.ms = 0
         self.out = []
 
@@ -58,10 +59,10 @@ def test_of_a_stream_the_newest_wins_and_what_it_overtook_is_gone():
 
 
 def test_streams_overtake_only_themselves():
-    line = DelayLine(1, Conditions(delay_s=0.1))
+    line = DelayLine(1, LinkConditions(delay_s=0.1))
     out = []
     line.carry(lambda: out.append("a"), 0.0, "one")
-    line.set(Conditions(delay_s=0.01))
+    line.set(LinkConditions(delay_s=0.01))
     line.carry(lambda: out.append("b"), 0.0, "other")
     line.run(1.0)
     assert out == ["b", "a"]
@@ -80,7 +81,7 @@ def test_what_is_reliable_arrives_in_order_and_all_of_it_later_where_it_was_lost
 
 def test_a_cut_line_carries_nothing_but_what_is_under_way():
     ride = Ride(delay_s=0.05).send(3, "state")
-    ride.line.set(Conditions(cut=True))
+    ride.line.set(LinkConditions(cut=True))
     ride.send(3, "state").wait(100)
     assert ride.numbers == [0, 1, 2]
 
