@@ -20,6 +20,7 @@ from ..client.operator import Operator, OperatorError
 from ..host.address import moved
 from ..host.local_plant import ChildDied, LocalPlant, free_port, recording
 from ..host.machine import Claims, own_endpoint
+from ..host.progress import say
 from ..operator.terminal import is_terminal
 from ..scripts.live_run import LiveRun
 from ..scripts.script import Script, load_script
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
             recording(plant.cell, args.record),
         ):
             where = plant.cell.config.zenoh.listen
-            _say(f"{cell.config.name} listens at {where}" + (f": {why_not}" if why_not else ""))
+            say(f"{cell.config.name} listens at {where}" + (f": {why_not}" if why_not else ""))
             try:
                 told = [] if script is not None or args.no_page else _start_page(plant, claims)
                 show = _Show(plant)
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             except (ChildDied, OperatorError) as error:
                 plant.stop()
                 print(plant.complaints(), end="", file=sys.stderr)
-                print(f"telerobot: {printable(error)}", file=sys.stderr)
+                say(f"telerobot: {error}")
                 return 1
             show.close()
             healthy = plant.stop()
@@ -105,7 +106,7 @@ class _Show:
         """Play a script over and over. Raises `ChildDied`."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s and not self._failure:
-            run = LiveRun(self.operator, script, _say)
+            run = LiveRun(self.operator, script, say)
             run.play(end_s, self._plant.raise_if_dead)
             self._rounds += 1
             self._errors += [event for event in run.events if event.severity == "error"]
@@ -131,10 +132,6 @@ class _Show:
             **statistics,
             "healthy": bool(statistics) and not errors and failure is None and mode != "fault",
         }
-
-
-def _say(line: str) -> None:
-    print(printable(line), file=sys.stderr, flush=True)
 
 
 def _table(summary: dict[str, object]) -> str:

@@ -1,15 +1,14 @@
 """`telerobot drive CELL [SCRIPT]`: a remote operator in the terminal, or a script's operators."""
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from ...config.errors import printable
 from ...protocols.messages.telemetry import Event
 from ..client.operator import Operator, OperatorError, ignore
 from ..host.address import cell_from
+from ..host.progress import say
 from ..operator.terminal import Console, Decoder, KeyboardTeleop, is_terminal
 from ..operator.words import event_line
 from ..scripts.live_run import LiveRun
@@ -26,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
     cell = cell_from(args)
     script = None if args.script is None else load_script(args.script)
     if script is None and not is_terminal():
-        print("telerobot: drive needs a terminal, or a SCRIPT to play", file=sys.stderr)
+        say("telerobot: drive needs a terminal, or a SCRIPT to play")
         return 2
     try:
         with Operator(cell, name=args.name) as operator:
@@ -34,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
                 return LiveRun(operator, script, partial(print, flush=True)).run()
             drive(operator)
     except OperatorError as error:
-        print(f"telerobot: {printable(error)}", file=sys.stderr)
+        say(f"telerobot: {error}")
         return 1
     return 0
 

@@ -2,14 +2,10 @@
 
 import argparse
 import gc
-import math
 import os
 import sys
 import time
-from collections.abc import Callable
-from typing import TextIO
 
-from ...config.errors import printable
 from ...config.load import Cell, ConfigError
 from ...config.schema.bus import CanOpenNodeSection
 from ...drivers.bus import CanBus, open_bus
@@ -23,31 +19,14 @@ from ...protocols.canopen import can301
 from ...protocols.topics import Role
 from ..host.address import cell_from
 from ..host.local_plant import until_told
+from ..host.progress import Sparing
 from ..simulation.sensors import FrameSensors
 
 PRIORITY = 50  # SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines
 
 
+TOLD_EVERY_S = 1.0  # refused faults and odd frames are told at most so often [s]
 LISTEN_PERIODS = 2  # another rig is listened for so long before this one starts [heartbeat periods]
-
-
-class Refusals:
-    """Prints refused faults and odd frames, once a second at most, and how many more there were."""
-
-    def __init__(self, clock: Callable[[], float], stream: TextIO) -> None:
-        self._clock, self._stream = clock, stream
-        self._next_s = -math.inf
-        self._left_out = 0
-
-    def __call__(self, why: str) -> None:
-        """Tell of one refusal, now or as a part of the next line's count."""
-        now_s = self._clock()
-        if now_s < self._next_s:
-            self._left_out += 1
-            return
-        more = f" (and {self._left_out} more before)" if self._left_out else ""
-        print(f"telerobot: {printable(why)}{more}", file=self._stream)
-        self._next_s, self._left_out = now_s + 1.0, 0
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,12 +52,7 @@ def run(args: argparse.Namespace) -> int:
             places = ", ".join(bus.place for bus in cell.config.fieldbuses)
             _prefer()
             print(f"telerobot: the rig of {name} is ready on {places}", flush=True)
-            pace = run_realtime(
-                rig,
-                over,
-                session,
-                tell=Refusals(time.monotonic, sys.stderr),
-            )
+            pace = run_realtime(rig, over, session, tell=Sparing(TOLD_EVERY_S))
         finally:
             session.close()
             if scanner is not None:

@@ -6,11 +6,9 @@ ahead.
 """
 
 import argparse
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from ...config.errors import printable
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import Over, dial
 from ...drivers.network.session import Session
@@ -25,6 +23,7 @@ from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..host.address import cell_from
 from ..host.local_plant import until_told
+from ..host.progress import Sparing, say
 
 STATES = 64  # unread telemetry that is kept [1]: a search takes some tenths of a second
 TOLD_EVERY_S = 5.0  # refused telegrams are told at most so often [s]
@@ -57,11 +56,11 @@ class _ScanWork:
 
     def __init__(self, session: Session, scanning: Scanning) -> None:
         self._session, self._scanning = session, scanning
-        self._client = ScannerClient(scanning.scanner, _say)
+        self._client = ScannerClient(scanning.scanner, lambda line: say(f"telerobot: {line}"))
         self._states = session.subscribe(t.STATE, STATES)
         self._clocks = Clocks()
         self._connections = 0
-        self._next_complaint_s, self._left_out = 0.0, 0
+        self._complain = Sparing(TOLD_EVERY_S)
         self.told = 0  # contours that the daemon was told [1]
 
     def run(self, over: Over) -> None:
@@ -75,7 +74,7 @@ class _ScanWork:
                 self._clocks = Clocks()
             self._hear()
             while self._scanning.events:
-                _say(self._scanning.events.popleft())
+                say(f"telerobot: {self._scanning.events.popleft()}")
 
     def close(self) -> None:
         self._client.close()
@@ -90,7 +89,7 @@ class _ScanWork:
                 self._scanning.take(found, start_s)
         except TelegramError as error:
             self._scanning.refused += 1
-            self._complain(str(error))
+            self._complain(f"telegram refused: {error}")
 
     def _hear(self) -> None:
         for payload in self._states.take():
@@ -111,17 +110,3 @@ class _ScanWork:
             self.told += contour
             topic = t.CONTOUR if contour else t.OBSTACLE.by(SCAN)
             self._session.put(topic, encode(news))
-
-    def _complain(self, why: str) -> None:
-        """Tell why a telegram was refused, now or as a part of the next line's count."""
-        now_s = time.monotonic()
-        if now_s < self._next_complaint_s:
-            self._left_out += 1
-            return
-        more = f" (and {self._left_out} more before)" if self._left_out else ""
-        _say(f"telegram refused: {why}{more}")
-        self._next_complaint_s, self._left_out = now_s + TOLD_EVERY_S, 0
-
-
-def _say(line: str) -> None:
-    print(f"telerobot: {printable(line)}", file=sys.stderr, flush=True)

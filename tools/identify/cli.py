@@ -3,14 +3,13 @@
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from ...config.errors import ConfigError, nearest, printable
+from ...config.errors import ConfigError, nearest
 from ...config.load import Cell
 from ...protocols import topics as t
 from ...protocols.messages import messages as m
@@ -21,6 +20,7 @@ from ...server.control.spatial import Array, Pose
 from ..client.operator import Operator, OperatorError
 from ..client.protocol_client import NoLease, ProtocolClient
 from ..host.address import cell_from
+from ..host.progress import say
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
@@ -315,7 +315,7 @@ def run(args: argparse.Namespace) -> int:
         lead = _simulated if args.simulate else _driven
         found = judge(part, lead(cell, stops, subject))
     except (NotIdentified, OperatorError) as error:
-        print(f"telerobot: not identified: {printable(error)}", file=sys.stderr)
+        say(f"telerobot: not identified: {error}")
         return 1
     if args.json:
         print(json.dumps(as_dict(part, found)))
@@ -325,15 +325,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _simulated(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
-    return identify_simulated(cell, stops, _say, subject)
+    return identify_simulated(cell, stops, say, subject)
 
 
 def _driven(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
     with Operator(cell, name="identify") as operator:
         operator.acquire()
         operator.enable()
-        return identify(operator, stops, _say, subject)
-
-
-def _say(line: str) -> None:
-    print(printable(line), file=sys.stderr, flush=True)
+        return identify(operator, stops, say, subject)

@@ -1,7 +1,7 @@
 """Progress is for terminals: what is read from a pipe has none of it."""
 
 from telerobot.tools.host import progress
-from telerobot.tools.host.progress import counted
+from telerobot.tools.host.progress import Sparing, counted, say
 
 
 class Terminal:
@@ -29,3 +29,21 @@ def test_items_pass_through_and_a_terminal_sees_how_many(monkeypatch, capsys):
     assert list(counted(iter("abc"), "read", "letters")) == ["a", "b", "c"]
     assert "read: " in terminal.text
     assert "letters" in terminal.text
+
+
+def test_a_flood_of_refused_faults_is_a_line_a_second():
+    now, lines = [0.0], []
+    tell = Sparing(1.0, lines.append, lambda: now[0])
+    for k in range(3000):
+        now[0] = 0.001 * k
+        tell(f"fault refused: fault push: no target 'x{k}'")
+    assert lines == [
+        "telerobot: fault refused: fault push: no target 'x0'",
+        "telerobot: fault refused: fault push: no target 'x1000' (and 999 more before)",
+        "telerobot: fault refused: fault push: no target 'x2000' (and 999 more before)",
+    ]
+
+
+def test_what_others_worded_takes_no_hold_of_the_terminal(capsys):
+    say("asked by \x1b]0;mine\x07")
+    assert capsys.readouterr().err.strip().isprintable()
