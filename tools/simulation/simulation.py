@@ -365,9 +365,9 @@ class Simulation:
         if not any(c.device is None for c in self.cell.cameras):
             return None
         try:
-            from .pictures import SimulatedCameras
+            from .pictures import RenderedCameras
 
-            return SimulatedCameras(self.cell, self.rig, self.link.put)
+            return RenderedCameras(self.cell, self.rig, self.link.put)
         except DeviceError as error:
             self.blind = str(error)
             print(f"telerobot: no pictures: {error}", file=sys.stderr)

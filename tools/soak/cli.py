@@ -2,8 +2,7 @@
 
 import argparse
 import math
-from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -13,13 +12,12 @@ from pydantic import TypeAdapter
 from ...config.errors import ConfigError
 from ...config.load import load_cell
 from ...config.schema.surroundings import CameraSection
-from ...protocols.codec import encode
 from ...protocols.messages.perception import PoseVector, Sighting
 from ...protocols.messages.telemetry import Event
-from ...protocols.topics import SIGHTING
 from ...server.control.spatial import Pose, rotation_exp
 from ..host import jobs
 from ..simulation.judges import ViewJudge
+from ..simulation.sensors import SimulatedCameras
 from ..simulation.simulation import Simulation
 from .segments import script
 
@@ -35,42 +33,26 @@ LEAPING, LEAP = 0.03, 0.2
 FACING = 0.3  # a tag is seen up to where its face is this much turned to the Lens: the cosine [1]
 
 
-@dataclass
-class _Eye:
-    camera: CameraSection
-    due_s: float = 0.0
-    underway: deque[tuple[float, bytes]] = field(default_factory=deque)
-    """Arrival of each sighting [s], and its bytes."""
-
-
-class ComputedSights:
+class ComputedSights(SimulatedCameras):
     """All cameras of a simulated cell; equal seeds see equally."""
 
     def __init__(self, simulation: Simulation, seed: int) -> None:
         cell = simulation.cell
+        super().__init__(cell.config.cameras, simulation.link.put)
         rig = cell.config.rig
         self._simulation = simulation
         self._judge = ViewJudge(cell)
         self._names = {t.tag: t.name for t in (rig.tags if rig is not None else ())}
-        self._eyes = [_Eye(camera) for camera in cell.config.cameras]
         self._draw = np.random.default_rng([seed, *b"sights"])
-
-    def run(self, now_s: float, tick: int) -> None:
-        """Hand over what has arrived by `now_s`, and look at what is exposed at SYNC `tick`."""
-        for eye in self._eyes:
-            while eye.underway and eye.underway[0][0] <= now_s + 1e-9:
-                self._simulation.link.put(SIGHTING, eye.underway.popleft()[1])
-            if now_s < eye.due_s - 1e-9:
-                continue
-            eye.due_s = now_s + 1.0 / eye.camera.rate_hz
-            late_s = self._draw.uniform(0.0, LATE_S) if self._draw.random() < LATE else 0.0
-            arrives_s = now_s + eye.camera.latency_s + late_s
-            eye.underway.append((arrives_s, encode(self._look(eye.camera, tick))))
 
     def close(self) -> None:
         """Nothing was opened."""
 
-    def _look(self, camera: CameraSection, tick: int) -> Sighting:
+    def _look(self, camera: CameraSection, tick: int) -> tuple[Sighting, float]:
+        late_s = self._draw.uniform(0.0, LATE_S) if self._draw.random() < LATE else 0.0
+        return self._seen(camera, tick), late_s
+
+    def _seen(self, camera: CameraSection, tick: int) -> Sighting:
         truths = self._simulation.truths
         seen = self._judge.view(truths[-1], camera.name) if truths else None
         if (
