@@ -210,6 +210,27 @@ def test_there_is_no_stop_of_what_is_no_number_nor_under_a_bound_of_nothing(valu
         stopping_in_proportion(dq, np.zeros(2), np.array([1.0, 1e-9]), J, own)
 
 
+def test_a_stretch_is_halved_fourteen_times_and_no_more():
+    """Each halving is time of the tick; whole numbers of 2⁻¹⁴, and the least above four thirds."""
+    own = np.zeros((2, 4, 1))
+    own[0, 1:, 0] = 1.0, 3.0, 1.0  # held is a quarter of the velocity
+    dq = np.array([4.0 / 3.0 * 4.0 * 2.0])
+    phases = stopping_in_proportion(dq, np.zeros(1), np.array([2.0]), np.array([90.0]), own)
+    assert lasts(phases) == pytest.approx(5.0 * 21846 / 2**14, rel=1e-12)
+
+
+@pytest.mark.parametrize(("seconds", "found"), [(1e-12, True), (0.99e-12, False)])
+def test_a_stop_that_lasts_less_than_rounding_lends_no_shape(seconds, found):
+    own = np.zeros((2, 4, 1))
+    own[0, 1, 0] = seconds
+    given = np.array([1e-13]), np.zeros(1), np.ones(1), np.array([1e14]), own
+    if found:
+        assert lasts(stopping_in_proportion(*given)) == pytest.approx(1.05e-12)
+    else:
+        with pytest.raises(ValueError, match="no stop in proportion"):
+            stopping_in_proportion(*given)
+
+
 @pytest.mark.parametrize(("times", "found"), [(5e5, True), (1.04e6, False)])
 def test_a_stop_in_proportion_lasts_at_most_a_million_times_longer(times, found):
     """Of the first joint's shape, by a bound of the second, at a stretch that is halved to."""
