@@ -6,7 +6,6 @@ spike. Therefore a contact counts as the sum of magnitudes over the pairs of sol
 """
 
 import math
-from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
@@ -46,8 +45,11 @@ class Contacts:
         self._side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
         self._rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
         self._wrench = np.zeros(6)
-        self._newest = tuple(deque([0.0] * steps, steps) for _ in (*roots, OWN))
-        """Sums of every side in the newest steps [N], the last of `OWN`."""
+        self._sides = len(roots) + 1
+        self._period, self._step = steps, 0
+        self._newest: list[tuple[int, list[float]]] = []
+        """Of the newest steps in which something touched: which one, and the sums of every side
+        [N], the last of `OWN`."""
 
     def force(self, side: int) -> Vector:
         """Return the net force (3,) [N] of an arm, or the payload, on what stands, in World."""
@@ -71,22 +73,25 @@ class Contacts:
 
     def peak(self, side: int) -> float:
         """Return the greatest `total` of the newest period [N]."""
-        return max(self._newest[side])
+        return max((sums[side] for _, sums in self._of_period()), default=0.0)
 
     def own_peak(self) -> float:
         """Return the greatest `own` of the newest period [N]."""
-        return max(self._newest[OWN])
+        return self.peak(OWN)
 
     def note(self) -> None:
         """Take in the contacts of one physics step."""
-        for newest, total in zip(self._newest, self._sums(), strict=True):
-            newest.append(total)
+        self._step += 1
+        if self._data.ncon:
+            self._newest = [*self._of_period(), (self._step, self._sums())]
+
+    def _of_period(self) -> list[tuple[int, list[float]]]:
+        first = self._step - self._period
+        return [noted for noted in self._newest if noted[0] > first]
 
     def _sums(self) -> list[float]:
         """Return the sums of every side [N], the last for `OWN`."""
-        sums = [0.0] * len(self._newest)
-        if not self._data.ncon:
-            return sums
+        sums = [0.0] * self._sides
         forces: dict[tuple[int, int], Vector] = {}
         for pair, force in self._pressing():
             forces[pair] = forces[pair] + force if pair in forces else force
@@ -99,6 +104,8 @@ class Contacts:
 
         In World.
         """
+        if not self._data.ncon:
+            return
         contacts, wrench = self._data.contact, self._wrench
         frames = contacts.frame.reshape(-1, 3, 3)
         for i, (first, second) in enumerate(contacts.geom.tolist()):
