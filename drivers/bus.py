@@ -185,7 +185,7 @@ class Hub:
         self.pump: Callable[[], None] | None = None
         self._members: tuple[InProcessBus, ...] = ()
         self._underway: deque[tuple[InProcessBus, can.Message]] = deque()
-        self._delivering = False
+        """Frames that are being handed on: the first to those after whom the others wait."""
 
     def join(self, member: "InProcessBus") -> None:
         """Make a bus a member: it hears what the others send from now on."""
@@ -206,44 +206,37 @@ class Hub:
         What a member sends while it is being handed a frame comes after that frame for everyone.
         """
         message.timestamp = self.time_s
-        if self._delivering:
-            self._underway.append((sender, message))
+        underway = self._underway
+        underway.append((sender, message))
+        if len(underway) > 1:
             return
-        self._delivering = True
         try:
-            for member in self._members:
-                if member is not sender:
-                    member.accept(message)
-            while self._underway:
-                source, frame = self._underway.popleft()
+            while underway:
+                source, frame = underway[0]
                 for member in self._members:
                     if member is not source:
                         member.accept(frame)
+                underway.popleft()
         finally:
-            self._underway.clear()
-            self._delivering = False
+            underway.clear()
 
 
 class InProcessBus(can.BusABC):
     """One member of a hub. Frames are shared, not copied: nobody changes one that was sent.
 
-    With `on_message` set, frames go to it instead of waiting for `recv`.
+    With `on_message`, frames go to it instead of waiting for `recv`.
     """
 
     def __init__(self, hub: Hub, on_message: Callable[[can.Message], None] | None = None) -> None:
         super().__init__("in_process")
         self.channel_info = "in_process"
         self.hub = hub
-        self.on_message = on_message
         self._queue: deque[can.Message] = deque()
+        self.keep: Callable[[can.Message], None] = self._queue.append
+        """Lets a frame wait for `recv`."""
+        self.accept = on_message or self.keep
+        """Takes a frame from the hub."""
         hub.join(self)
-
-    def accept(self, message: can.Message) -> None:
-        """Take a frame from the hub."""
-        if self.on_message is None:
-            self._queue.append(message)
-        else:
-            self.on_message(message)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  python-can's
         """Hand a frame to every other member at once."""

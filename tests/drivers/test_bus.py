@@ -193,7 +193,7 @@ def test_an_answer_given_at_once_comes_after_the_question_for_everyone() -> None
     hub = Hub()
     master = InProcessBus(hub)
     answering = InProcessBus(hub)
-    answering.on_message = lambda _m: answering.send(frame(0x581))
+    answering.accept = lambda _m: answering.send(frame(0x581))
     watching = InProcessBus(hub)
     master.send(frame(0x601))
     heard = [watching.recv(0), watching.recv(0)]

@@ -136,7 +136,7 @@ def test_an_sdo_without_an_answer_fails(cell: Any) -> None:
 
 
 def test_an_answer_that_needs_the_others_to_run_is_waited_for(cell: Any) -> None:
-    cell.played.bus.on_message = None
+    cell.played.bus.accept = cell.played.bus.keep
 
     def run_the_node() -> None:
         while (message := cell.played.bus.recv(0)) is not None:
@@ -257,7 +257,7 @@ def test_a_reply_that_came_unasked_is_not_taken_for_the_next_one(cell: Any) -> N
 def test_a_reply_that_is_too_short_is_none(cell: Any) -> None:
     """Over any bus a frame may have fewer bytes than its protocol says."""
     cell.played.answers_sdo = False
-    ask = cell.played.bus.on_message
+    ask = cell.played.bus.accept
 
     def answer_shortly(message: can.Message) -> None:
         ask(message)
@@ -265,7 +265,7 @@ def test_a_reply_that_is_too_short_is_none(cell: Any) -> None:
             for length in range(8):
                 cell.played.send(can301.sdo_reply_id(5), bytes(length))
 
-    cell.played.bus.on_message = answer_shortly
+    cell.played.bus.accept = answer_shortly
     with pytest.raises(SdoCommunicationError):
         cell.fieldbus.network[5].sdo.upload(0x6502, 0)
     assert cell.fieldbus.malformed >= 8

@@ -42,12 +42,14 @@ class _Joint:
     mode: str  # operation mode: csp, csv or cst
     scale: float
     zero: float
+    unit: float
+    """What one count of a setpoint is [rad, rad/s or N·m], signed; one of 0 is at `origin`."""
+    origin: float
     lower: float
     upper: float
     bounds: tuple[float, float, float]
     step: float
     torque_bounds: tuple[float, float]  # torque [N·m] and its rate [N·m/s]
-    torque_step: float  # one step of 6071h, signed [N·m]
     fastest: float  # greatest speed that may be sent in CSV [rad/s]
     low: float
     """Least angle that counts as inside [rad]: the limit, or how far outside the joint still is."""
@@ -111,20 +113,23 @@ class Observer:
         self.max_acceleration_ratio = 0.0
         self.syncs = 0
 
-    def frame(self, time_s: float, can_id: int, data: bytes, bus: int = 0) -> None:
+    def frame(self, time_s: float, can_id: int, data: bytes | bytearray, bus: int = 0) -> None:
         """Take in one frame, stamped in seconds, of the cell's bus of that index."""
         joints = self._on_bus[bus]
         if can_id == _SYNC:
             self.syncs += bus == 0
             for joint in joints.values():
-                self._at_sync(joint, time_s)
+                if joint.pending is None:
+                    joint.sent.clear()
+                else:
+                    self._in_force(joint, time_s, joint.pending)
         elif _RPDO1 < can_id <= _RPDO1 + 127:
             watched = joints.get(can_id - _RPDO1)
             if watched is not None and len(data) == watched.command.size:
                 controlword, raw = watched.command.unpack(data)
                 commanded = controlword & _COMMAND_MASK == _COMMAND
                 on = commanded and watched.enabled
-                watched.pending = self._setpoint(watched, raw) if on else None
+                watched.pending = watched.unit * raw + watched.origin if on else None
         elif _TPDO1 < can_id <= _TPDO1 + 127 and len(data) == 8:
             watched = joints.get(can_id - _TPDO1)
             if watched is not None:
@@ -136,12 +141,6 @@ class Observer:
                     watched.stands(watched.zero + watched.scale * counts)
                 if watched.mode != "csp":
                     self._moved(time_s, watched, watched.zero + watched.scale * counts)
-
-    def _setpoint(self, joint: _Joint, raw: int) -> float:
-        """Return a raw setpoint in the joint's unit: rad, rad/s or N·m."""
-        if joint.mode == "cst":
-            return joint.torque_step * raw
-        return joint.scale * raw + (joint.zero if joint.mode == "csp" else 0.0)
 
     def _moved(self, time_s: float, joint: _Joint, q: float) -> None:
         """Judge where an enabled joint has come to."""
@@ -160,22 +159,18 @@ class Observer:
     def _found(self, time_s: float, joint: _Joint, kind: str, value: float, bound: float) -> None:
         self.violations.append(Violation(time_s, joint.name, kind, value, bound))
 
-    def _at_sync(self, joint: _Joint, time_s: float) -> None:
-        """Judge the setpoint that this SYNC puts in force."""
-        if joint.pending is None:
-            joint.sent.clear()
-            return
-        if joint.mode == "cst":
-            self._judge_torque(joint, time_s, joint.pending)
-        elif joint.mode == "csv":
-            if abs(joint.pending) > joint.fastest * (1 + TRACKING) + joint.step:
-                self._found(time_s, joint, "velocity", joint.pending, joint.fastest)
-        else:
-            self._judge_position(joint, time_s, joint.pending)
+    def _in_force(self, joint: _Joint, time_s: float, setpoint: float) -> None:
+        """Judge the setpoint that a SYNC puts in force."""
+        if joint.mode == "csp":
+            self._judge_position(joint, time_s, setpoint)
+        elif joint.mode == "cst":
+            self._judge_torque(joint, time_s, setpoint)
+        elif abs(setpoint) > joint.fastest * (1 + TRACKING) + joint.step:
+            self._found(time_s, joint, "velocity", setpoint, joint.fastest)
 
     def _judge_torque(self, joint: _Joint, time_s: float, torque: float) -> None:
         most, fastest = joint.torque_bounds
-        step = abs(joint.torque_step)
+        step = abs(joint.unit)
         if abs(torque) > most * (1 + RELATIVE) + 0.5 * step:
             self._found(time_s, joint, "torque", torque, most)
         if joint.sent:
@@ -213,17 +208,19 @@ def _joint(entry: Entry, part: Cell) -> _Joint:
     if not isinstance(drive, DriveSection):
         raise TypeError(f"{entry.name} is no drive")
     joint = next(j for j in part.robot.joints if j.name == drive.joint)
+    mode, scale = part.config.mechanism.mode_of(drive), drive.direction / drive.counts_per_radian
     return _Joint(
         name=entry.name,
-        mode=part.config.mechanism.mode_of(drive),
-        scale=drive.direction / drive.counts_per_radian,
+        mode=mode,
+        scale=scale,
         zero=drive.zero_rad,
+        unit=drive.direction * drive.rated_torque * 1e-3 if mode == "cst" else scale,
+        origin=drive.zero_rad if mode == "csp" else 0.0,
         lower=joint.lower,
         upper=joint.upper,
         bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
         step=1.0 / drive.counts_per_radian,
         torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
-        torque_step=drive.direction * drive.rated_torque * 1e-3,
         fastest=drive.max_velocity + part.config.torque.speed_gain * drive.following_window,
         low=joint.lower,
         high=joint.upper,

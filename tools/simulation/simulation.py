@@ -169,6 +169,11 @@ def _has_frames(bus: InProcessBus) -> bool:
     return bus.waiting > 0
 
 
+def _record(recorder: Recorder, bus: int, message: CanMessage) -> None:
+    time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
+    recorder.frame(time_s, can_id, data, sent=False, bus=bus)
+
+
 # --- An operators' network in one process, for simulation: no Zenoh, commands are the same bytes
 class MemoryLink:
     """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
@@ -276,6 +281,8 @@ class Simulation:
         self.real = cell if real is None else real
         self.rig = Rig(self.real, *self.buses.of_rig)
         self.buses.listen(self._on_frame)
+        if self._recorder is not None:
+            self.buses.listen(partial(_record, self._recorder))
         self.link = MemoryLink()
         daemon = seeded_keys("daemon")
         self.cycle = build(cell, self.buses.of_daemon, self.link, self.clock, daemon, box)
@@ -352,7 +359,8 @@ class Simulation:
         self.cycle.finish()
         self._compute.append(self.cycle.compute_s)
         for _ in range(round(self.cell.config.timing.period_s / self.rig.dt)):
-            self.buses.set_time(self.rig.time_s + self.rig.dt)  # nodes send at a step's end
+            for hub in self.buses.hubs:
+                hub.time_s = self.rig.time_s + self.rig.dt  # nodes send at a step's end
             self.rig.step()
             if self.on_physics is not None:
                 self.on_physics(self)
@@ -391,10 +399,7 @@ class Simulation:
 
     def _on_frame(self, bus: int, message: CanMessage) -> None:
         """Every frame on a bus, whoever sent it."""
-        time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
-        self.observer.frame(time_s, can_id, data, bus)
-        if self._recorder is not None:
-            self._recorder.frame(time_s, can_id, data, sent=False, bus=bus)
+        self.observer.frame(message.timestamp, message.arbitration_id, message.data, bus)
 
     def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
         self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)
