@@ -59,7 +59,8 @@ class Rig:
         self.unseen: set[str] = set()
         """Frames that may move and of which no sensor tells: a fault, `silence`."""
         self._steps = 0
-        self._time_s = 0.0
+        self.time_s = 0.0
+        """Physics time since the start [s]."""
         drives = [part.mechanism.drives for part in parts]
         self._loop = DriveLoops([(d, r.drive) for d, r in zip(drives, rigs, strict=True)], self.dt)
         self._wires = tuple(
@@ -90,14 +91,9 @@ class Rig:
         for node in nodes:
             node.boot()
 
-    @property
-    def time_s(self) -> float:
-        """Physics time since the start [s]."""
-        return self._time_s
-
     def now(self) -> float:
         """Return `time_s`."""
-        return self._time_s
+        return self.time_s
 
     def poll(self) -> None:
         """Handle every frame that waits on a bus."""
@@ -108,12 +104,14 @@ class Rig:
         """Return the oldest frame that waits, and its bus; None when there is none."""
         if len(self._wires) == 1:
             wire = self._wires[0]
-            return None if wire.stamp is None else (wire, wire.take())
+            message = wire.take()
+            return None if message is None else (wire, message)
         stamps = [(stamp, i) for i, w in enumerate(self._wires) if (stamp := w.stamp) is not None]
         if not stamps:
             return None
         wire = self._wires[min(stamps)[1]]
-        return wire, wire.take()
+        message = wire.take()
+        return None if message is None else (wire, message)
 
     def handle(self, wire: Wire, message: can.Message, ahead_s: float = 0.0) -> None:
         """Handle a frame that was sent `ahead_s` after the newest step [s]."""
@@ -121,12 +119,12 @@ class Rig:
         wire.deliver(message.arbitration_id, bytes(message.data))
         if wire.sync_count > self.sync_count:  # on the first bus that it came on
             self.sync_count = wire.sync_count
-            self.sync_stamps.append(self._time_s + ahead_s)
+            self.sync_stamps.append(self.time_s + ahead_s)
             self.on_sync()
 
     def step(self) -> None:
         """Advance nodes, position loops and physics by one physics step."""
-        now = self._time_s + 1e-7
+        now = self.time_s + 1e-7
         for link in self._links:
             if link.late:
                 link.flush()
@@ -141,11 +139,11 @@ class Rig:
                 world.place_platform(self._movers.by_name["platform"].place)
         world.step(self._loop.step(world.q, world.dq))
         self._steps += 1
-        self._time_s = self._steps * self.dt
+        self.time_s = self._steps * self.dt
         if self.scanner is not None:
-            self.scanner.step(self._time_s)
+            self.scanner.step(self.time_s)
         for node in self._after:
-            if node.due_s <= self._time_s + 1e-7:
+            if node.due_s <= self.time_s + 1e-7:
                 node.tick()
 
     def advance(self, seconds: float) -> None:
@@ -194,7 +192,7 @@ class Rig:
         arms = {name: self._arm_truth(i) for i, name in enumerate(self._names)}
         first = arms[self._names[0]]
         return RigTruth.of_valid(
-            time_s=self._time_s,
+            time_s=self.time_s,
             sync_count=self.sync_count,
             q=tuple(self.world.q.tolist()),
             dq=tuple(self.world.dq.tolist()),

@@ -1,7 +1,7 @@
 """Drive profile (CiA 402-2, IEC 61800-7-201): state machine, objects, PDOs and counters. Pure."""
 
 import struct
-from enum import Enum, IntEnum, auto
+from enum import IntEnum, auto
 from typing import Final, NamedTuple
 
 from .can301 import FrameError, mapping_entry
@@ -54,7 +54,7 @@ class OperationMode(IntEnum):
     CST = 10
 
 
-class DriveState(Enum):
+class DriveState(IntEnum):
     """States of the drive's power stage (CiA 402-2, figure 3)."""
 
     NOT_READY = auto()

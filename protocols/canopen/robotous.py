@@ -94,8 +94,14 @@ def parse_command(data: bytes) -> tuple[SensorCommand, int]:
 
 def encode_sample(sample: Sample) -> tuple[bytes, bytes]:
     """Return the two frames of a sample; a load beyond the 16 bits stays at their end."""
-    raw = [_clip(f * COUNTS_PER_NEWTON) for f in sample.force]
-    raw += [_clip(t * COUNTS_PER_NEWTON_METRE) for t in sample.torque]
+    raw = [
+        max(-_LIMIT, min(_LIMIT, round(value * per_unit)))
+        for values, per_unit in (
+            (sample.force, COUNTS_PER_NEWTON),
+            (sample.torque, COUNTS_PER_NEWTON_METRE),
+        )
+        for value in values
+    ]
     data = _SAMPLE.pack(SensorCommand.START, *raw, sample.overload, sample.error)
     return data[:HALF], data[HALF:]
 
@@ -116,7 +122,3 @@ def join_sample(first: bytes, second: bytes) -> Sample:
 
 def _command(command: SensorCommand, parameter: int = 0) -> bytes:
     return bytes((command, parameter)).ljust(HALF, b"\0")
-
-
-def _clip(raw: float) -> int:
-    return max(-_LIMIT, min(_LIMIT, round(raw)))

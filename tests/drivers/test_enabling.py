@@ -71,7 +71,7 @@ def test_the_arm_may_move_only_while_every_contact_is_on(bench):
 def test_one_that_answers_no_sync_counts_as_released_before_its_heartbeat_is_missed(bench):
     bench.driver.open()
     run(bench, 10)
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="enabling_switch"))
     run(bench, 4)
     assert bench.driver.interlock() == "enabling_switch silent"
     assert bench.driver.read().trouble is None
@@ -93,7 +93,7 @@ def test_one_that_restarts_is_trouble_until_it_is_opened_again(bench):
 
 
 def test_a_module_that_does_not_answer_is_named(bench):
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="enabling_switch"))
     with pytest.raises(DeviceError, match=r"enabling_switch \(node 30\)"):
         bench.driver.open()
 

@@ -17,6 +17,7 @@ from telerobot.drivers.rig.nodes.node import NodeLink
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import NmtCommand, NmtState
 from telerobot.protocols.canopen.cia401 import pack_outputs
+from telerobot.protocols.messages.rig import RigFault
 
 EDS = Path(rig.__file__).parents[2] / "config" / "devices" / "simulated_output.eds"
 NODE, OUTPUT = 20, 3
@@ -101,10 +102,10 @@ def test_it_is_ready_once_its_heartbeat_says_operational(bench):
 def test_silence_and_a_restart_are_trouble(bench):
     bench.driver.open()
     beat(bench, 0.1)
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="gripper"))
     beat(bench, 0.3)
     assert bench.driver.read().trouble.cause is Cause.HEARTBEAT_LOST
-    bench.node.link.silent = False
+    bench.node.link.disturb(RigFault(kind="silence", target="gripper", on=False))
     bench.node.boot()
     bench.fieldbus.receive(bench.now)
     assert bench.driver.read().trouble.cause is Cause.NODE_RESTARTED
@@ -114,7 +115,7 @@ def test_silence_and_a_restart_are_trouble(bench):
 
 
 def test_a_module_that_does_not_answer_is_named(bench):
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="gripper"))
     with pytest.raises(DeviceError, match=r"gripper \(node 20\)"):
         bench.driver.open()
 

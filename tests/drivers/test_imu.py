@@ -123,7 +123,7 @@ def test_an_axis_at_an_end_of_its_range_is_no_reading_and_is_named(bench, felt, 
 def test_one_that_leaves_four_syncs_unanswered_is_stale(bench):
     bench.driver.open()
     run(bench, 10)
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="imu"))
     run(bench, 3)
     assert bench.driver.read().trouble is None
     run(bench)
@@ -150,9 +150,9 @@ def test_one_that_was_cut_off_is_started_again():
     bench = bench_of(ImuSection(node=NODE))
     bench.driver.open()
     run(bench, 10)
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="imu"))
     run(bench, 60)
-    bench.node.link.silent = False
+    bench.node.link.disturb(RigFault(kind="silence", target="imu", on=False))
     for _ in range(150):
         run(bench)
         bench.driver.read()
@@ -178,7 +178,7 @@ def test_another_makers_objects_are_mapped():
 
 
 def test_one_that_is_not_there_raises_a_device_error_with_its_name(bench):
-    bench.node.link.silent = True
+    bench.node.link.disturb(RigFault(kind="silence", target="imu"))
     with pytest.raises(DeviceError, match=r"imu \(node 50\): writing"):
         bench.driver.open()
 

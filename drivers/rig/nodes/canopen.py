@@ -6,7 +6,7 @@ from binascii import crc_hqx
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -49,46 +49,56 @@ def _dictionary(eds: Path, node: int) -> canopen.ObjectDictionary:
     return canopen.import_od(str(eds), node)
 
 
+class _Image(dict[tuple[int, int], int]):
+    """Integers by index and sub-index, those of the EDS until others are written."""
+
+    def __init__(self, default: Callable[[tuple[int, int]], int]) -> None:
+        super().__init__()
+        self._default = default
+
+    def __missing__(self, key: tuple[int, int]) -> int:
+        value = self[key] = self._default(key)
+        return value
+
+
 class ObjectStore:
     """Values by index and sub-index; integers are kept as integers.
 
     `on_write(index, subindex, value)` is called before a value that came over the bus is stored,
-    and may refuse it with `RefusedError`.
+    and may refuse it with `RefusedError`. `sample()` is called before a measured object is read.
     """
 
     def __init__(
-        self, node: int, on_write: Callable[[int, int, int], None], eds: Path = EDS
+        self,
+        node: int,
+        on_write: Callable[[int, int, int], None],
+        sample: Callable[[], None],
+        eds: Path = EDS,
     ) -> None:
         self.object_dictionary = _dictionary(eds, node)
         self._on_write = on_write
-        self._values: dict[tuple[int, int], int] = {}
-        self.live: dict[tuple[int, int], Callable[[], int]] = {}
-        """Objects that are measured when they are read."""
+        self.sample = sample
+        self.image = _Image(lambda key: int(self.variable(*key).default or 0))
+        """All values as they were last written or sampled, without a look at what is measured."""
+        self.measured: set[tuple[int, int]] = set()
+        """Objects that `sample` writes."""
         self.choices: dict[tuple[int, int], frozenset[int]] = {}
         """The only values of an object, where it is no range (LowLimit, HighLimit of the EDS)."""
 
     def reset(self, *, communication_only: bool = False) -> None:
         """Go back to the defaults of the EDS, everywhere or in 1000h to 1FFFh only."""
-        for key in list(self._values):
+        for key in self.image.keys() - self.measured:
             if not communication_only or key[0] < 0x2000:
-                del self._values[key]
+                del self.image[key]
 
     def __getitem__(self, key: tuple[int, int]) -> int:
         """Return an integer object's value. Raises `KeyError` for an object that is none."""
-        measure = self.live.get(key)
-        if measure is not None:
-            return measure()
-        value = self._values.get(key)
-        if value is None:
-            value = self._values[key] = int(self.variable(*key).default or 0)
-        return value
+        if key in self.measured:
+            self.sample()
+        return self.image[key]
 
     def __setitem__(self, key: tuple[int, int], value: int) -> None:
-        self._values[key] = value
-
-    def reader(self, key: tuple[int, int]) -> Callable[[], int]:
-        """Return what reads an object, time and again."""
-        return self.live.get(key) or partial(self.__getitem__, key)
+        self.image[key] = value
 
     def variable(self, index: int, subindex: int) -> ODVariable:
         """Return an object's entry in the EDS. Raises `KeyError`."""
@@ -170,8 +180,9 @@ class Pdo:
     transmission: int
     keys: tuple[tuple[int, int], ...]
     layout: struct.Struct
-    readers: tuple[Callable[[], int], ...]
-    """Of the mapped objects."""
+    store: ObjectStore
+    measured: bool
+    """Whether it maps an object that is measured."""
     inhibit: int = 0
     """At least so long after the one before [100 µs]; of an event's."""
     timer: int = 0
@@ -184,7 +195,9 @@ class Pdo:
 
     def pack(self) -> bytes:
         """Return the mapped objects' present values as they travel."""
-        return self.layout.pack(*[read() for read in self.readers])
+        if self.measured:
+            self.store.sample()
+        return self.layout.pack(*map(self.store.image.__getitem__, self.keys))
 
 
 def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
@@ -208,8 +221,8 @@ def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
         transmission = store[communication + number, 2]
         layout = struct.Struct("<" + letters)
         times = (0, 0) if receive else _times(store, communication + number)
-        readers = tuple(store.reader(key) for key in keys)
-        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, readers, *times))
+        measured = not store.measured.isdisjoint(keys)
+        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, store, measured, *times))
     return tuple(found)
 
 
@@ -485,7 +498,7 @@ class CanNode:
         self.link = link
         self.clock = clock
         link.on_frame = self.receive
-        self.objects = ObjectStore(node, self._before_write, eds)
+        self.objects = ObjectStore(node, self._before_write, self.sample, eds)
         self._sdo = NodeSdoServer(node, self.objects, link.send)
         self.nmt = NmtState.BOOT_UP
         self.master_lost = False
@@ -494,12 +507,16 @@ class CanNode:
         self._rpdos: dict[int, Pdo] | None = None
         self._tpdos: tuple[Pdo, ...] = ()
         self._events: tuple[EventPdo, ...] = ()
-        self._pending: list[tuple[Pdo, bytes]] = []
+        self._pending: dict[int, tuple[Pdo, bytes]] = {}
+        """RPDOs that wait for a SYNC, the newest of each, in the order they came in."""
         self._syncs = 0
         self._next_beat_s = NEVER
         self._master_beat_s: float | None = None
 
     # --- what a device fills in -----------------------------------------------------------------
+
+    def sample(self) -> None:
+        """Write what is measured now into the objects' image."""
 
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the state after power-on, or after a reset of the communication."""
@@ -536,7 +553,7 @@ class CanNode:
     def boot(self, *, communication_only: bool = False) -> None:
         """Go through initialisation: defaults, boot-up message, *Pre-operational*."""
         self.objects.reset(communication_only=communication_only)
-        self._rpdos, self._pending, self._syncs = None, [], 0
+        self._rpdos, self._pending, self._syncs = None, {}, 0
         self._next_beat_s, self._master_beat_s, self.master_lost = NEVER, None, False
         self.on_reset(communication_only=communication_only)
         self.link.send(can301.heartbeat_id(self.node), bytes((NmtState.BOOT_UP,)))
@@ -545,18 +562,22 @@ class CanNode:
 
     def receive(self, can_id: int, data: bytes) -> None:
         """Handle one frame from the bus; one that is not for this node is ignored."""
-        self.due_s = 0.0
         if can_id == can301.SYNC_ID:
             self._on_sync()
-        elif can_id == can301.sdo_request_id(self.node):
+            return
+        if self.nmt is NmtState.OPERATIONAL:
+            pdo = (self._rpdos or self._map_pdos()).get(can_id)
+            if pdo is not None:
+                self._on_rpdo(pdo, data)
+                return
+        self.due_s = 0.0
+        if can_id == self._sdo.rx_cobid:
             if self.nmt is not NmtState.STOPPED:
                 self._sdo.on_request(can_id, data, self.clock())
         elif can_id == can301.NMT_ID:
             self._on_nmt(data)
         elif can_id > can301.heartbeat_id(0):
             self._on_heartbeat(can_id - can301.heartbeat_id(0))
-        elif self.nmt is NmtState.OPERATIONAL:
-            self._on_rpdo(can_id, data)
 
     def emergency(self, code: int) -> None:
         """Send an emergency message, unless the node is stopped, and keep code and register."""
@@ -613,7 +634,7 @@ class CanNode:
         command = data[0]
         if command in _SELF_STARTED:
             self.nmt = _SELF_STARTED[NmtCommand(command)]
-            self._rpdos, self._pending = None, []
+            self._rpdos, self._pending = None, {}
         elif command == NmtCommand.RESET_NODE:
             self.boot()
         elif command == NmtCommand.RESET_COMMUNICATION:
@@ -622,7 +643,8 @@ class CanNode:
     def _on_sync(self) -> None:
         if self.nmt is not NmtState.OPERATIONAL:
             return
-        self._map_pdos()
+        if self._rpdos is None:
+            self._map_pdos()
         self._syncs += 1
         for pdo in self._tpdos:
             if self._syncs % pdo.transmission == 0:
@@ -630,29 +652,29 @@ class CanNode:
         for event in self._events:
             if event.at_sync:
                 self._tell(event)
-        pending, self._pending = self._pending, []
-        for pdo, data in pending:
-            self._apply(pdo, data)
+        if self._pending:
+            pending, self._pending = self._pending, {}
+            for pdo, data in pending.values():
+                self._apply(pdo, data)
         self.on_sync()
 
-    def _on_rpdo(self, can_id: int, data: bytes) -> None:
-        pdo = self._map_pdos().get(can_id)
-        if pdo is None:
-            return
+    def _on_rpdo(self, pdo: Pdo, data: bytes) -> None:
         if len(data) < pdo.layout.size:
             self.emergency(_PDO_LENGTH)
             return
         self.on_setpoint_frame()
         if pdo.synchronous:
-            self._pending = [p for p in self._pending if p[0] is not pdo] + [(pdo, data)]
+            self._pending.pop(pdo.can_id, None)
+            self._pending[pdo.can_id] = pdo, data
         else:
             self._apply(pdo, data)
 
     def _apply(self, pdo: Pdo, data: bytes) -> None:
         for key, value in zip(pdo.keys, pdo.layout.unpack_from(data), strict=True):
             if key in self.plain:
-                self.objects[key] = value
+                self.objects.image[key] = value
                 continue
+            self.due_s = 0.0
             with suppress(RefusedError):  # nobody asked for an answer: the old value stays
                 self.objects.write(*key, value)
         self.on_rpdo(pdo)

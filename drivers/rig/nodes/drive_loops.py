@@ -67,6 +67,8 @@ class DriveLoops:
         """1 for a joint in CSV; physics steps of its aim that are left; steps in a row with a
         following error beyond the window [1]."""
         self._steps_left[:] = -1
+        self.beyond = False
+        """True while some joint's following error is beyond its window."""
 
     def engage(self, joint: int, position: float, speed: float = 0.0) -> None:
         """Switch a joint's torque on: hold `position` [rad], starting at `speed` [rad/s]."""
@@ -93,8 +95,8 @@ class DriveLoops:
         over one lost setpoint, then the reference stands. Returns whether the motor's top speed cut
         it.
         """
-        wanted = (position - float(self.reference[joint])) / period_s
-        most = float(self.max_speed[joint])
+        wanted: float = (position - self.reference.item(joint)) / period_s
+        most: float = self.max_speed.item(joint)
         self.speed[joint] = min(max(wanted, -most), most)
         self._steps_left[joint] = (2 if streamed else 1) * round(period_s / self.dt)
         return abs(wanted) > most
@@ -131,25 +133,24 @@ class DriveLoops:
         """Put the reference where the joint is; what the motor holds against goes on."""
         self.reference[joint], self.speed[joint] = position, speed
 
-    @property
-    def beyond(self) -> bool:
-        """True while some joint's following error is beyond its window."""
-        return bool(np.count_nonzero(self.steps_beyond))
-
     def at_rest(self, joint: int) -> bool:
         """Return whether a joint's reference stands."""
-        return bool(abs(self.speed[joint]) < _SETTLED)
+        return bool(abs(self.speed.item(joint)) < _SETTLED)
 
     def step(self, q: Vector, dq: Vector) -> Vector:
         """Advance by one physics step; return the torques (n,) [N·m]."""
-        _step(q, dq, self.dt, self._table)
+        self.beyond = _step(q, dq, self.dt, self._table)
         torque: Vector = self.torque
         return torque
 
 
 @compiled(VECTOR, VECTOR, NUMBER, TABLE)
-def _step(q: Vector, dq: Vector, dt: float, table: Vector) -> None:
-    """Advance all loops by one physics step; the rows are those of `DriveLoops`."""
+def _step(q: Vector, dq: Vector, dt: float, table: Vector) -> bool:
+    """Advance all loops by one physics step; the rows are those of `DriveLoops`.
+
+    Returns whether some joint's following error is beyond its window.
+    """
+    beyond = False
     stiffness, damping, integral_step, reporting = table[0], table[1], table[2], table[3]
     max_torque, max_speed, window = table[4], table[5], table[6]
     offset, pulled, deceleration = table[7], table[8], table[9]
@@ -176,6 +177,7 @@ def _step(q: Vector, dq: Vector, dt: float, table: Vector) -> None:
         torque[i] = given * engaged[i]
         reported[i] += reporting[i] * (torque[i] - reported[i])
         steps_beyond[i] = steps_beyond[i] + 1.0 if abs(error[i]) > window[i] else 0.0
+        beyond = beyond or steps_beyond[i] > 0.0
         if deceleration[i] > 0.0:
             slower = max(abs(speed[i]) - deceleration[i] * dt, 0.0)
             speed[i] = math.copysign(slower, speed[i])
@@ -183,6 +185,7 @@ def _step(q: Vector, dq: Vector, dt: float, table: Vector) -> None:
         steps_left[i] -= 1.0
         if steps_left[i] == 0.0:
             speed[i] = 0.0
+    return beyond
 
 
 def _per_joint(arms: Sequence[tuple[Sequence[DriveSection], RigDriveSection]], name: str) -> Vector:

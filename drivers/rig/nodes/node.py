@@ -43,6 +43,8 @@ class NodeLink:
         self._rng = rng
         self.late: list[tuple[float, bool, Frame]] = []
         """Frames under way: when they arrive [s], whether they go outward."""
+        self._disturbed = False
+        """Whether there was ever a fault: without any, nothing is looked at on the way."""
         self.on_frame: Callable[[int, bytes], None] = _ignore
         self.silent = False
         self.drop = 0.0
@@ -51,20 +53,21 @@ class NodeLink:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame, if the faults let it through."""
-        if self.late or self._disturbed:
+        if self._disturbed:
             self._pass(can_id, data, outward=True)
         else:
-            self._send(can_id, data)
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand the node a frame from the bus, if the faults let it through."""
-        if self.late or self._disturbed:
+        if self._disturbed:
             self._pass(can_id, data, outward=False)
         else:
             self.on_frame(can_id, data)
 
     def disturb(self, fault: RigFault) -> None:
         """Apply a fault of the connection, or take it back. Raises `ValueError` for a bad value."""
+        self._disturbed = True
         if fault.kind == "silence":
             self.silent = fault.on
         elif fault.kind == "delay":
@@ -82,10 +85,6 @@ class NodeLink:
             _, outward, frame = self.late.pop(0)
             if not self.silent:
                 self._hand_on(frame, outward)
-
-    @property
-    def _disturbed(self) -> bool:
-        return self.silent or self.drop > 0 or self.corrupt > 0 or self.delay_s > 0
 
     def _pass(self, can_id: int, data: bytes, *, outward: bool) -> None:
         if self.silent:
@@ -107,10 +106,10 @@ class NodeLink:
 
     def _hand_on(self, frame: Frame, outward: bool) -> None:
         can_id, data = frame
-        (self._send if outward else self.on_frame)(can_id, data)
-
-    def _send(self, can_id: int, data: bytes) -> None:
-        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        if outward:
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        else:
+            self.on_frame(can_id, data)
 
 
 def _ignore(_can_id: int, _data: bytes) -> None:

@@ -56,6 +56,7 @@ def response(cross_talk: float, rng: np.random.Generator) -> NDArray[np.float64]
 # reports an overload.
 
 _EPSILON_S = 1e-7
+_AXIS_BITS: Final = 1 << np.arange(6)
 
 
 class SimulatedForceTorque:
@@ -148,10 +149,10 @@ class SimulatedForceTorque:
         if self._mute:
             return
         if not self._frozen or self._last is None:
-            reading = self._reading() + self._rng.normal(size=6) * self._noise
+            reading = self._reading() + self._rng.standard_normal(6) * self._noise
             held = np.minimum(np.maximum(reading, -self._range), self._range)
             # One bit for each axis; nobody reads more of it than whether it is zero.
-            overload = sum(1 << i for i, over in enumerate((held != reading).tolist()) if over)
+            overload = int((held != reading) @ _AXIS_BITS)
             x, y, z, mx, my, mz = (held - self._offset).tolist()
             sample = robotous.Sample((x, y, z), (mx, my, mz), overload, 0)
             self._last = robotous.encode_sample(sample)
@@ -191,13 +192,17 @@ class SimulatedImu(CanNode):
         self._noise = np.array([[truth.acceleration_noise], [truth.rate_noise]])
         self._scale = np.array([[imu.acceleration_per_bit], [imu.rate_per_bit]])
         self._most = np.array([[imu.acceleration_range], [imu.rate_range]])
-        self._sampled_s, self._counts, self._frozen = -1.0, [[0] * 3] * 2, False
+        self._sampled_s, self._frozen = -1.0, False
+        self._axes = tuple(
+            (index, axis + 1)
+            for index in (imu.acceleration_object, imu.rate_object)
+            for axis in range(3)
+        )
         known = self.objects.object_dictionary
         for row, index in enumerate((imu.acceleration_object, imu.rate_object)):
             if index not in known:  # another maker's: the same sensor, elsewhere
                 known.indices[index] = known[_OBJECTS[row]]
-            for axis in range(3):
-                self.objects.live[index, axis + 1] = partial(self._count, row, axis)
+        self.objects.measured.update(self._axes)
 
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
@@ -212,15 +217,16 @@ class SimulatedImu(CanNode):
             raise ValueError(f"fault {fault.kind}: an imu can only freeze")
         self._frozen = fault.on
 
-    def _count(self, sensor: int, axis: int) -> int:
+    def sample(self) -> None:
+        """Write a new sample, unless this instant's is there already."""
         now = self.clock()
         if now != self._sampled_s and not self._frozen:
             self._sampled_s = now
             reading = np.array(self._motion()) + self._bias
             reading += self._noise * self._rng.normal(size=(2, 3))
             held = np.clip(reading, -self._most, self._most)
-            self._counts = np.rint(held / self._scale).astype(int).tolist()
-        return self._counts[sensor][axis]
+            counts = np.rint(held / self._scale).astype(int).ravel().tolist()
+            self.objects.image.update(zip(self._axes, counts, strict=True))
 
 
 # --- A simulated SICK LMS111: answers requests, and sends a telegram for every scan (CoLa-A) ------

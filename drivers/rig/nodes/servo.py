@@ -28,6 +28,7 @@ from .node import Bench, NodeLink
 _UNLIMITED: Final = 0xFFFFFFFF
 _TARGET_POSITION: Final = (Object.TARGET_POSITION, 0)
 _CONTROLWORD: Final = (Object.CONTROLWORD, 0)
+_STATUSWORD: Final = (Object.STATUSWORD, 0)
 _MODE_DISPLAY: Final = (Object.MODE_DISPLAY, 0)
 _SETPOINT_TIMEOUT: Final = (Object.SETPOINT_TIMEOUT, 0)
 
@@ -58,7 +59,7 @@ def follow(
     """
     scale = drive.direction * drive.counts_per_radian
     if mode == OperationMode.CSP:
-        counts = objects[_TARGET_POSITION]
+        counts = objects.image[_TARGET_POSITION]
         low, high, period_s = interpolation
         kept = min(max(counts, low), high)
         target = drive.zero_rad + kept / scale
@@ -133,46 +134,44 @@ _I16: Final = 2**15 - 1
 _REACHED_RAD: Final = 1e-3
 
 
+_POSITION_DEMAND: Final = (Object.POSITION_DEMAND, 0)
+_POSITION_ACTUAL: Final = (Object.POSITION_ACTUAL, 0)
+_VELOCITY_ACTUAL: Final = (Object.VELOCITY_ACTUAL, 0)
+_FOLLOWING_ERROR: Final = (Object.FOLLOWING_ERROR, 0)
+_TORQUE_ACTUAL: Final = (Object.TORQUE_ACTUAL, 0)
+_RATED_TORQUE: Final = (Object.RATED_TORQUE, 0)
+
+
 class Measured:
     """One joint as its drive's encoder and current sensor tell it, in the drive's own units."""
 
+    objects = (
+        _POSITION_DEMAND,
+        _POSITION_ACTUAL,
+        _VELOCITY_ACTUAL,
+        _FOLLOWING_ERROR,
+        _TORQUE_ACTUAL,
+        _RATED_TORQUE,
+    )
+
     def __init__(self, drive: DriveSection, joint: int, loop: DriveLoops, world: World) -> None:
-        self._drive, self._joint, self._loop, self._world = drive, joint, loop, world
-        self._scale = drive.direction * drive.counts_per_radian
+        self._joint, self._loop, self._world = joint, loop, world
+        self._scale, self._zero = drive.direction * drive.counts_per_radian, drive.zero_rad
+        self._rated, self._direction = drive.rated_torque, drive.direction
 
-    def objects(self) -> dict[tuple[int, int], Callable[[], int]]:
-        """Return how each object is measured."""
-        return {
-            (Object.POSITION_DEMAND, 0): self._demand,
-            (Object.POSITION_ACTUAL, 0): self._position,
-            (Object.VELOCITY_ACTUAL, 0): lambda: round(self._scale * self._world.dq[self._joint]),
-            (Object.FOLLOWING_ERROR, 0): lambda: round(self._scale * self._error),
-            (Object.TORQUE_ACTUAL, 0): self._torque,
-            (Object.RATED_TORQUE, 0): lambda: round(self._drive.rated_torque * 1000),
-        }
-
-    @property
-    def target_reached(self) -> bool:
-        """Whether the joint stands at its reference."""
-        return abs(self._error) < _REACHED_RAD and self._loop.at_rest(self._joint)
-
-    @property
-    def _error(self) -> float:
-        return float(self._loop.error[self._joint])
-
-    def _position(self) -> int:
-        return self._to_counts(self._world.angle(self._joint))
-
-    def _demand(self) -> int:
-        return self._to_counts(self._world.angle(self._joint) + self._error)
-
-    def _to_counts(self, angle: float) -> int:
-        return wrapped(round(self._scale * (angle - self._drive.zero_rad)))
-
-    def _torque(self) -> int:
-        torque = float(self._loop.reported[self._joint])
-        share = torque / self._drive.rated_torque * self._drive.direction
-        return max(-_I16, min(_I16, round(share * 1000)))
+    def sample(self, image: dict[tuple[int, int], int]) -> bool:
+        """Write each object as it is now; return whether the joint stands at its reference."""
+        joint, world, scale, zero = self._joint, self._world, self._scale, self._zero
+        speed, error = world.dq.item(joint), self._loop.error.item(joint)
+        angle = world.q.item(joint) + world.ahead_s * speed
+        image[_POSITION_ACTUAL] = wrapped(round(scale * (angle - zero)))
+        image[_POSITION_DEMAND] = wrapped(round(scale * (angle + error - zero)))
+        image[_VELOCITY_ACTUAL] = round(scale * speed)
+        image[_FOLLOWING_ERROR] = round(scale * error)
+        share = self._loop.reported.item(joint) / self._rated * self._direction
+        image[_TORQUE_ACTUAL] = max(-_I16, min(_I16, round(share * 1000)))
+        image[_RATED_TORQUE] = round(self._rated * 1000)
+        return abs(error) < _REACHED_RAD and self._loop.at_rest(joint)
 
 
 # --- Power stage and brake of one simulated drive: who holds the joint, and when that changes -----
@@ -281,6 +280,7 @@ _AT_ONCE, _RAMP, _RAMP_AND_STAY = 0, 2, 6
 """605Ah: takes the power at once; ramps on 6085h and then does; ramps and then holds."""
 _ENABLED = DriveState.OPERATION_ENABLED
 _MOVING = (_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE)
+_ALWAYS: Final = Status.VOLTAGE_ENABLED | Status.REMOTE
 _NO_MODE = 0
 _MODES = (OperationMode.CSP, OperationMode.CSV, OperationMode.CST)
 _TARGETS = frozenset(
@@ -331,8 +331,7 @@ class SimulatedDrive(CanNode):
         self._asked = False
         self._cut = False
         self._measured = Measured(drive, joint, loop, world)
-        self.objects.live[Object.STATUSWORD, 0] = self.statusword
-        self.objects.live.update(self._measured.objects())
+        self.objects.measured.update(self._measured.objects, (_STATUSWORD,))
         choices = self.objects.choices
         choices[Object.MODE_OF_OPERATION, 0] = frozenset((_NO_MODE, *_MODES))
         choices[Object.QUICK_STOP_OPTION, 0] = frozenset((_AT_ONCE, _RAMP, _RAMP_AND_STAY))
@@ -360,18 +359,19 @@ class SimulatedDrive(CanNode):
             code = value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)
             self.emergency(round(code))
 
-    def statusword(self) -> int:
-        """Return 6041h."""
-        word: int = cia402.STATE_BITS[self.state] | Status.VOLTAGE_ENABLED | Status.REMOTE
+    def sample(self) -> None:
+        """Write 6041h, and what encoder and current sensor tell."""
+        reached = self._measured.sample(self.objects.image)
+        word = _ALWAYS | cia402.STATE_BITS[self.state]
         if self.state is _ENABLED:
             word |= Status.FOLLOWS_COMMAND
-            if self._measured.target_reached:
+            if reached:
                 word |= Status.TARGET_REACHED
         if self._cut:
             word |= Status.INTERNAL_LIMIT
         if self._error is EmcyCode.FOLLOWING_ERROR:
             word |= Status.FOLLOWING_ERROR
-        return word
+        self.objects.image[_STATUSWORD] = word
 
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""
@@ -408,7 +408,10 @@ class SimulatedDrive(CanNode):
     def on_rpdo(self, pdo: Pdo) -> None:
         """Obey the controlword, then follow the setpoint of the mode, of a PDO that has them."""
         if _CONTROLWORD in pdo.keys:
-            self._obey(self.objects[_CONTROLWORD])
+            word = self.objects.image[_CONTROLWORD]
+            # The word by which it was enabled asks for nothing more.
+            if word != self._controlword or self.state is not _ENABLED:
+                self._obey(word)
         if self.state is _ENABLED and not _TARGETS.isdisjoint(pdo.keys):
             self._follow()
 
@@ -445,7 +448,7 @@ class SimulatedDrive(CanNode):
         if self._loop.steps_beyond[self._joint]:
             self._watch_following()
         if self.state is _ENABLED:
-            timeout = self.objects[_SETPOINT_TIMEOUT] * 1e-3
+            timeout = self.objects.image[_SETPOINT_TIMEOUT] * 1e-3
             if timeout > 0:
                 if now > self._setpoint_s + timeout:
                     self._fail(EmcyCode.SETPOINT_TIMEOUT, ramp=True)
@@ -456,6 +459,7 @@ class SimulatedDrive(CanNode):
         self.due_s = min(self.due_s, self._power.due_s)
 
     def _obey(self, word: int) -> None:
+        self.due_s = 0.0
         before, previous = self.state, self._controlword
         self._controlword = word
         wanted = cia402.apply_controlword(before, previous, word)
@@ -518,7 +522,7 @@ class SimulatedDrive(CanNode):
 
     @property
     def _mode(self) -> int:
-        return self.objects[_MODE_DISPLAY]
+        return self.objects.image[_MODE_DISPLAY]
 
     def _select(self, mode: int) -> None:
         if mode != self._mode and (self.state is _ENABLED or self._power.coming_on):

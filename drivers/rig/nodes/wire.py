@@ -1,7 +1,5 @@
 """One bus of the rig: which nodes hear which identifier, and whether it is plugged in."""
 
-from collections import deque
-
 import can
 
 from ....protocols.canopen import can301
@@ -23,7 +21,8 @@ class Wire:
         self.stranger: int | None = None
         """Node of which somebody else sends the heartbeat, as last heard."""
         self._bus = bus
-        self._waiting: deque[can.Message] = deque()
+        self._next: can.Message | None = None
+        """A frame whose stamp was looked at."""
         self._everyone: tuple[NodeLink, ...] = ()
         self._own_beats: set[int] = set()
         self._routes: dict[int, tuple[NodeLink, ...]] = {can301.NMT_ID: (), can301.SYNC_ID: ()}
@@ -53,7 +52,14 @@ class Wire:
     @property
     def stamp(self) -> float | None:
         """Stamp of the next data frame that waits on the bus [s], None when there is none."""
-        while not self._waiting:
+        if self._next is None:
+            self._next = self.take()
+        return None if self._next is None else self._next.timestamp
+
+    def take(self) -> can.Message | None:
+        """Return the next data frame that waits on the bus, None when there is none."""
+        message, self._next = self._next, None
+        while message is None:
             try:
                 message = self._bus.recv(0)
             except BusErrors:
@@ -61,13 +67,9 @@ class Wire:
             if message is None:
                 return None
             odd = message.is_error_frame or message.is_remote_frame or message.is_extended_id
-            if self.plugged and not odd:
-                self._waiting.append(message)
-        return self._waiting[0].timestamp
-
-    def take(self) -> can.Message:
-        """Return the frame that `stamp` told of."""
-        return self._waiting.popleft()
+            if odd or not self.plugged:
+                message = None
+        return message
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand a frame to every node that hears it; one that only nodes of theirs send, to none."""

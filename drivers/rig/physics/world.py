@@ -115,10 +115,6 @@ class World:
         """Physics time since the start [s]."""
         return float(self.data.time)
 
-    def angle(self, joint: int) -> float:
-        """Return a joint's angle [rad] at the bus' time."""
-        return float(self.q[joint] + self.ahead_s * self.dq[joint])
-
     def step(self, torque: Vector) -> None:
         """Advance by one physics step under joint torques (n,) [N·m]."""
         self.brakes.step()

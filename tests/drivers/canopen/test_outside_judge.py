@@ -211,7 +211,7 @@ def test_the_following_error_counts_beyond_its_window_and_after_its_timeout(
     judge.bench.rig.inject(RigFault(kind="block", target=JOINT))
     node.sdo[Object.TARGET_POSITION].raw = here + window // 2
     judge.cycle(20)
-    assert not judge.drive.statusword() & Status.FOLLOWING_ERROR
+    assert not judge.drive.objects[Object.STATUSWORD, 0] & Status.FOLLOWING_ERROR
     inside = node.sdo[Object.FOLLOWING_ERROR].raw
     assert 0.3 * window < inside < window
     node.sdo[Object.TARGET_POSITION].raw = here + 3 * window
@@ -224,7 +224,7 @@ def test_the_following_error_counts_beyond_its_window_and_after_its_timeout(
         error = abs(judge.drive.objects[Object.FOLLOWING_ERROR, 0])
         if beyond is None and error > window:
             beyond = judge.bench.rig.time_s
-        if judge.drive.statusword() & Status.FOLLOWING_ERROR:
+        if judge.drive.objects[Object.STATUSWORD, 0] & Status.FOLLOWING_ERROR:
             told = judge.bench.rig.time_s
             break
     assert beyond is not None

@@ -140,13 +140,9 @@ def test_what_is_held_is_held_on_in_a_quick_stop_and_when_the_daemon_dies(pa10, 
 
 
 def test_a_gripper_that_falls_silent_is_a_fault_that_names_it(pa10):
-    script = Script.model_validate({"duration_s": 2.5, "step": [CLOSE | {"at_s": 0.2}]})
+    cut = {"at_s": 1.5, "rig/fault": {"kind": "silence", "target": "gripper"}}
+    script = Script.model_validate({"duration_s": 2.5, "step": [CLOSE | {"at_s": 0.2}, cut]})
     simulation = Simulation(with_gripper(pa10), script)
-
-    def cut(running):
-        running.rig.nodes["gripper"].link.silent = running.clock.time_s > 1.5
-
-    simulation.on_tick = cut
     assert simulation.run().summary["mode"] == "fault"
     faults = [e for e in simulation.events if e.name == "fault"]
     assert faults[0].values["device"] == "gripper"

@@ -125,6 +125,6 @@ def test_a_choice_that_makes_no_sense_is_refused(arguments, code, told, capsys):
 
 
 def test_a_bus_with_nobody_on_it_is_an_error(bench):
-    for node in bench.rig.nodes.values():
-        node.link.silent = True
+    for name in bench.rig.nodes:
+        bench.rig.inject(RigFault(kind="silence", target=name))
     assert failed(list(findings(bench, load_cell("pa10")).values()))
