@@ -36,8 +36,7 @@ def demo(parser: argparse.ArgumentParser) -> None:
 
 def serve(parser: argparse.ArgumentParser) -> None:
     """`telerobot serve`."""
-    cell_and_address(parser)
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+    rig(parser)
     parser.add_argument(
         "--statistics", metavar="FILE", type=Path, help="write the loop's timing as JSON"
     )
@@ -60,9 +59,12 @@ def serve(parser: argparse.ArgumentParser) -> None:
 
 
 def rig(parser: argparse.ArgumentParser) -> None:
-    """`telerobot rig`."""
+    """`telerobot rig`, and what else works beside a daemon until it is told to end."""
     cell_and_address(parser)
     parser.add_argument("--seconds", type=duration, help="end by itself after this long")
+
+
+scan = rig
 
 
 def vision(parser: argparse.ArgumentParser) -> None:
@@ -73,12 +75,6 @@ def vision(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pictures", metavar="FOLDER", type=Path, help="save what is seen there, once a second"
     )
-
-
-def scan(parser: argparse.ArgumentParser) -> None:
-    """`telerobot scan`."""
-    cell_and_address(parser)
-    parser.add_argument("--seconds", type=duration, help="end by itself after this long")
 
 
 def simulate(parser: argparse.ArgumentParser) -> None:
@@ -196,13 +192,7 @@ def init(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="file to write, its script beside it; by default the URDF's name, in this folder",
     )
-    parser.add_argument(
-        "--package",
-        metavar="NAME=DIR",
-        action="append",
-        default=[],
-        help="folder of a package that the URDF names as package://NAME; may be said again",
-    )
+    _package(parser, "")
     parser.add_argument("--force", action="store_true", help="write over files that exist")
 
 
@@ -228,10 +218,7 @@ def check(parser: argparse.ArgumentParser) -> None:
         "--picture", type=Path, metavar="FILE.png",
         help="draw each link's shape and the capsules around it, with their volumes' ratio",
     )  # fmt: skip
-    parser.add_argument(
-        "--package", metavar="NAME=DIR", action="append", default=[],
-        help="with --picture: folder of a package that the URDF names as package://NAME",
-    )  # fmt: skip
+    _package(parser, "with --picture: ")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -408,6 +395,13 @@ def _cell(parser: argparse.ArgumentParser, more: str = "") -> None:
     parser.add_argument(
         "cell", metavar="CELL", help=f"path of a cell file, or a shipped cell's name{more}"
     )
+
+
+def _package(parser: argparse.ArgumentParser, where: str) -> None:
+    parser.add_argument(
+        "--package", metavar="NAME=DIR", action="append", default=[],
+        help=f"{where}folder of a package that the URDF names as package://NAME; may be said again",
+    )  # fmt: skip
 
 
 def duration(text: str) -> float:

@@ -33,11 +33,10 @@ ENDLESS_STOP_S = 2.0  # one that takes longer than this is none [s]
 
 def drives(cell: Cell) -> Iterator[Finding]:
     """Judge every drive against its joint in the URDF, against its encoder and its own ramp."""
-    by_joint = {d.joint: d for d in cell.config.mechanism.drives}
     ready = np.array(cell.config.mechanism.postures["ready"])
     weight = np.abs(Mechanism.from_cell(cell).gravity(ready)[0])
-    for i, joint in enumerate(cell.robot.joints):
-        drive = by_joint[joint.name]
+    each = zip(cell.robot.joints, cell.config.mechanism.drives, strict=True)
+    for i, (joint, drive) in enumerate(each):
         yield _speed(drive, joint)
         yield _torque(drive, joint, float(weight[i]))
         yield _encoder(drive, cell.config.timing.period_s)
@@ -136,11 +135,10 @@ def _wraps(drive: DriveSection, base: DifferentialBaseSection, period_s: float) 
 # --- Check of enabling where the joints stand, and of the drives' timeouts ------------------------
 def enabling(cell: Cell) -> Iterator[Finding]:
     """Judge the room of drives for a joint at its limit, and how long they take to let go."""
-    drives = {d.joint: d for d in cell.config.mechanism.drives}
-    for joint in cell.robot.joints:
+    drives = cell.config.mechanism.drives
+    for joint, drive in zip(cell.robot.joints, drives, strict=True):
         if joint.name in cell.config.mechanism.wheels:
             continue  # they have no limits
-        drive = drives[joint.name]
         setpoint = Setpoint(drive, OperationMode.CSP)
         for angle in (joint.lower - drive.following_window, joint.upper + drive.following_window):
             try:
@@ -152,7 +150,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
                     f"607Dh cannot reach a following window beyond the limit: {error}",
                     {"angle": angle, "counts_per_radian": drive.counts_per_radian},
                 )
-    tightest = min(drives.values(), key=lambda d: d.position_margin)
+    tightest = min(drives, key=lambda d: d.position_margin)
     margin, inside = tightest.position_margin, tightest.position_margin >= SAG
     judgement = "still inside its limit" if inside else "outside its limit, and only comes in"
     yield Finding(
@@ -162,7 +160,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
         f"when it is enabled is {judgement}",
         {"joint": tightest.joint, "position_margin": margin, "sag": SAG},
     )
-    slowest = max(drives.values(), key=lambda d: d.max_velocity / d.quick_stop_deceleration)
+    slowest = max(drives, key=lambda d: d.max_velocity / d.quick_stop_deceleration)
     ramp_s = slowest.max_velocity / slowest.quick_stop_deceleration
     yield Finding(
         "switching off",
@@ -221,15 +219,13 @@ def holding(cell: Cell) -> Iterator[Finding]:
 def dynamics_of(cell: Cell) -> Dynamics:
     """Return the dynamics of one arm, with the links of the URDF for its tool."""
     mechanism, sensor = Mechanism.from_cell(cell), cell.config.mechanism.force_torque
-    by_joint = {d.joint: d for d in cell.config.mechanism.drives}
-    rotors = np.array([by_joint[joint].rotor_inertia for joint in mechanism.joints])
+    rotors = np.array([drive.rotor_inertia for drive in cell.config.mechanism.drives])
     return Dynamics(mechanism, rotors, None if sensor is None else placed(sensor))
 
 
 def most_torques(cell: Cell) -> Array:
     """Return what each joint's motor has (n,) [N·m]."""
-    by_joint = {d.joint: d for d in cell.config.mechanism.drives}
-    return np.array([by_joint[j].max_torque for j in Mechanism.from_cell(cell).joints])
+    return np.array([drive.max_torque for drive in cell.config.mechanism.drives])
 
 
 def placed(sensor: ForceTorqueSection) -> Pose:

@@ -10,8 +10,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -234,30 +234,22 @@ def listens(port: int, host: str = "127.0.0.1") -> bool:
 
 
 # --- A recorder beside a cell's daemon, as a process of its own -----------------------------------
-class LiveRecording:
-    """Records a cell into a folder while it is open; a context manager."""
-
-    def __init__(self, cell: Cell, folder: Path) -> None:
-        self._command = [sys.executable, "-m", CLI, "record", *options(cell), f"--out={folder}"]
-        self._child: subprocess.Popen[bytes] | None = None
-
-    def __enter__(self) -> Self:
-        self._child = subprocess.Popen(
-            self._command,
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
-            preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
-        )
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._child is not None:
-            end(self._child)
-
-
-def recording(cell: Cell, folder: Path | None) -> AbstractContextManager[object]:
-    """Return what records a cell into a folder; for None, what does not."""
-    return nullcontext() if folder is None else LiveRecording(cell, folder)
+@contextmanager
+def recording(cell: Cell, folder: Path | None) -> Iterator[None]:
+    """Record a cell into a folder meanwhile; for None, do not."""
+    if folder is None:
+        yield
+        return
+    child = subprocess.Popen(
+        [sys.executable, "-m", CLI, "record", *options(cell), f"--out={folder}"],
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
+        preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
+    )
+    try:
+        yield
+    finally:
+        end(child)
 
 
 # --- End of a process that runs until it is told to, or for a while -------------------------------

@@ -6,7 +6,7 @@ import math
 import struct
 import sys
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -78,19 +78,9 @@ def event_rows(events: Sequence[Event]) -> list[dict[str, object]]:
     ]
 
 
-def least_clearance(truths: Sequence[RigTruth]) -> float | None:
-    """Return the least distance between the arm and fixed things [m]; None without any."""
-    return min((t.clearance_m for t in truths if t.clearance_m is not None), default=None)
-
-
-def least_between_arms(truths: Sequence[RigTruth]) -> float | None:
-    """Return the least distance between arms [m], at most 1; None for one arm alone."""
-    return min((t.between_arms_m for t in truths if t.between_arms_m is not None), default=None)
-
-
-def least_sight(truths: Sequence[RigTruth]) -> float | None:
-    """Return the least distance between a link and a line of sight [m]; None without any."""
-    return min((d for t in truths for of in t.sight.values() for d in of.values()), default=None)
+def least(values: Iterable[float | None]) -> float | None:
+    """Return the least of those that are there; None for none."""
+    return min((value for value in values if value is not None), default=None)
 
 
 def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
@@ -99,11 +89,6 @@ def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
     names = late[0].arms if late else ()
     sums = [math.fsum(truth.arms[name].contact_sum for truth in late) for name in names]
     return max(sums, default=0.0) / max(len(late), 1)
-
-
-def contact_peak(truths: Sequence[RigTruth]) -> float:
-    """Return the greatest contact force of an arm in any physics step [N]."""
-    return max((arm.contact_peak for t in truths for arm in t.arms.values()), default=0.0)
 
 
 def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
@@ -460,9 +445,11 @@ class Simulation:
             "limit_violations": len(self.observer.violations),
             "violations": [v.__dict__ for v in self.observer.violations[:20]],
             "limited_ticks": sum(bool(s.limits) for s in self.states),
-            "min_clearance_m": least_clearance(self.truths),
-            "min_between_arms_m": least_between_arms(self.truths),
-            "min_sight_m": least_sight(self.truths),
+            "min_clearance_m": least(truth.clearance_m for truth in self.truths),
+            "min_between_arms_m": least(truth.between_arms_m for truth in self.truths),
+            "min_sight_m": least(
+                d for truth in self.truths for of in truth.sight.values() for d in of.values()
+            ),
             "max_speed_ratio": self.observer.max_speed_ratio,
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
             "tool_error_m": None if tool is None else tool[0],
@@ -471,7 +458,10 @@ class Simulation:
             "view_error_rad": None if view is None else view[1],
             **self._tunnel.figures(),
             "contact_force_n": contact_force(self.truths, period),
-            "contact_peak_n": contact_peak(self.truths),
+            "contact_peak_n": max(
+                (arm.contact_peak for truth in self.truths for arm in truth.arms.values()),
+                default=0.0,
+            ),
             "own_contact_n": max((truth.own_contact_peak for truth in self.truths), default=0.0),
             "q_final": list(self.truths[-1].q) if self.truths else [],
             "tick_us": tick_times(self._compute),
