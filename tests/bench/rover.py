@@ -27,8 +27,7 @@ from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles
 from telerobot.tools.bench.latency import EnabledPlant, driven
-from telerobot.tools.host.local_plant import free_port
-from telerobot.tools.host.machine import realtime
+from telerobot.tools.host.machine import free_port, realtime
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

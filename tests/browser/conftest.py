@@ -20,7 +20,7 @@ import pytest
 from laboratory.bench.page.browser import children
 from telerobot.config.load import load_cell
 from telerobot.tools.host.address import options
-from telerobot.tools.host.local_plant import free_port
+from telerobot.tools.host.machine import free_port
 
 HOST = "127.0.0.2"
 """The console's own address; that of the same port on 127.0.0.1 is the tests' to cut."""

@@ -22,7 +22,8 @@ from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages.rig import RigFault, RigTruth
 from telerobot.tools.client.operator import Operator
 from telerobot.tools.host.address import moved
-from telerobot.tools.host.local_plant import LocalPlant, end, free_port
+from telerobot.tools.host.local_plant import LocalPlant, end
+from telerobot.tools.host.machine import free_port
 
 START_S = 150.0 if os.environ.get("TELEROBOT_CAN") else 60.0
 """Wall time after which a process that does not show up is a failure [s]."""

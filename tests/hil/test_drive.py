@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import pytest
 from telerobot.tools.host.address import options
-from telerobot.tools.host.local_plant import free_port
+from telerobot.tools.host.machine import free_port
 
 pytestmark = pytest.mark.hil
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from telerobot import OperatorError
 from telerobot.tools.host.address import moved, options
-from telerobot.tools.host.local_plant import free_port
+from telerobot.tools.host.machine import free_port
 
 OPERATOR = """
 import sys

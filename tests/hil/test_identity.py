@@ -15,7 +15,8 @@ import pytest
 from telerobot import Operator, OperatorError
 from telerobot.config.load import altered, load_cell
 from telerobot.protocols.messages.rig import RigFault
-from telerobot.tools.host.local_plant import LocalPlant, end, free_port
+from telerobot.tools.host.local_plant import LocalPlant, end
+from telerobot.tools.host.machine import free_port
 
 pytestmark = pytest.mark.hil
 

@@ -18,8 +18,8 @@ from ...protocols.messages.telemetry import Event
 from ...protocols.topics import Role
 from ..client.operator import Operator, OperatorError
 from ..host.address import moved
-from ..host.local_plant import ChildDied, LocalPlant, free_port, recording
-from ..host.machine import Claims, own_endpoint
+from ..host.local_plant import ChildDied, LocalPlant, recording
+from ..host.machine import Claims, free_port, own_endpoint
 from ..host.progress import say
 from ..operator.terminal import is_terminal
 from ..scripts.live_run import LiveRun

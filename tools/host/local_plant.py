@@ -20,6 +20,7 @@ from typing import Self
 from ...config.errors import printable
 from ...config.load import Cell
 from .address import moved, options
+from .machine import free_port
 
 # --- Private plant on this machine: rig and daemon as processes, apart from any other -------------
 CLI = f"{__package__.removesuffix('.host')}.cli"
@@ -214,14 +215,6 @@ def end(child: "subprocess.Popen[bytes]") -> int:
 def end_with_parent() -> None:
     """Ask the kernel to end this process with its parent; for a child before it begins."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    """Return a port of 127.0.0.1 that nobody uses now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def listens(port: int, host: str = "127.0.0.1") -> bool:

@@ -1,8 +1,10 @@
 """What this machine is fit for, and which processes it runs already."""
 
+import atexit
 import ctypes
 import errno
 import os
+import secrets
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -151,17 +153,21 @@ def pictures() -> tuple[bool, str]:
 
 
 # --- Endpoint and port of a demo: the cell's own, or another one, and why -------------------------
+PRIVATE: Final = range(20_000, 32_000)
+"""Ports that are given away: below those that the kernel gives to whoever names none [1]."""
+
+
 class Claims:
     """Ports of this machine that this process has claimed, until it ends.
 
-    Two demos that start at once would both find a port free; a name in the abstract namespace is
-    one's at once.
+    Two that start at once would both find a port free, and a server binds it only seconds later; a
+    name in the abstract namespace is one's at once.
     """
 
     def __init__(self) -> None:
         self._names = ExitStack()
 
-    def take(self, port: int) -> str:
+    def take(self, port: int, kind: socket.SocketKind = socket.SOCK_STREAM) -> str:
         """Claim a port of 127.0.0.1; return in words why that cannot be, or nothing."""
         name = socket.socket(socket.AF_UNIX)
         try:
@@ -169,7 +175,7 @@ class Claims:
         except OSError:
             name.close()
             return "another demo has it"
-        with socket.socket() as probe:
+        with socket.socket(type=kind) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind(("127.0.0.1", port))
@@ -178,6 +184,26 @@ class Claims:
                 return "it is in use" if error.errno == errno.EADDRINUSE else str(error.strerror)
         self._names.enter_context(name)
         return ""
+
+    def close(self) -> None:
+        """Let go of all."""
+        self._names.close()
+
+
+_ours: Final = Claims()
+atexit.register(_ours.close)
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    """Return a port of 127.0.0.1 that nobody uses, and that nobody else is given meanwhile.
+
+    Raises `OSError` where all that are given away are taken.
+    """
+    for _ in PRIVATE:
+        port = PRIVATE[secrets.randbelow(len(PRIVATE))]
+        if not _ours.take(port, kind):
+            return port
+    raise OSError(errno.EADDRINUSE, f"no port of {PRIVATE.start} to {PRIVATE.stop - 1} is free")
 
 
 def own_endpoint(cell: Cell, claims: Claims) -> tuple[str | None, str]:

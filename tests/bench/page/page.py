@@ -29,7 +29,8 @@ from telerobot.protocols.messages.telemetry import State
 from telerobot.server.control.spatial import Array
 from telerobot.tools.bench.figures import Figures, percentiles
 from telerobot.tools.bench.latency import FrameListener, Targets, without_self_motion
-from telerobot.tools.host.local_plant import LocalPlant, free_port, listens
+from telerobot.tools.host.local_plant import LocalPlant, listens
+from telerobot.tools.host.machine import free_port
 
 from .browser import FLAGS as BROWSER_FLAGS
 from .browser import OpenPage, chromium, cpu_s, missing, renderers

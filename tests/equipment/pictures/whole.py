@@ -14,7 +14,8 @@ from typing import Any, Final
 
 from laboratory.bench.page.browser import OpenPage, children
 from telerobot.config.load import Cell
-from telerobot.tools.host.local_plant import ChildDied, LocalPlant, free_port, listens
+from telerobot.tools.host.local_plant import ChildDied, LocalPlant, listens
+from telerobot.tools.host.machine import free_port
 
 SIZE: Final = {"width": 1280, "height": 720}
 KEYS: Final = "TELEROBOT_CONSOLE_KEYS"
