@@ -4,34 +4,16 @@ Run as `python -m telerobot.tools.bench.bare PERIOD_S SECONDS`, with SCHED_FIFO 
 the least that any loop in Python can be late on this machine.
 """
 
-import ctypes
 import gc
 import itertools
 import sys
-import time
 
-from ..host.machine import realtime
-
-_CLOCK_MONOTONIC = 1
-_TIMER_ABSTIME = 1
-
-
-class _Timespec(ctypes.Structure):
-    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+from ..host.machine import realtime, wakeups
 
 
 def periods(period_s: float, seconds: float) -> list[float]:
     """Sleep to absolute deadlines for a while; return how wrong each period was [s]."""
-    libc = ctypes.CDLL(None)
-    period_ns = round(1e9 * period_s)
-    deadline = time.monotonic_ns() + period_ns
-    woke: list[int] = []
-    for _ in range(round(seconds / period_s)):
-        until = _Timespec(*divmod(deadline, 1_000_000_000))
-        libc.clock_nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(until), None)
-        woke.append(time.monotonic_ns())
-        deadline += period_ns
-    return [1e-9 * abs(b - a - period_ns) for a, b in itertools.pairwise(woke)]
+    return [abs(b - a) for a, b in itertools.pairwise(wakeups(seconds, period_s))]
 
 
 def main() -> int:

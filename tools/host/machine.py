@@ -63,6 +63,24 @@ def memory_lock_refusal() -> str:
     return ""
 
 
+def wakeups(
+    duration_s: float,
+    period_s: float,
+    now: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> list[float]:
+    """Sleep to absolute deadlines for a while; return how late each wake-up was [s]."""
+    start = now()
+    late: list[float] = []
+    for i in range(1, max(1, round(duration_s / period_s)) + 1):
+        deadline = start + i * period_s
+        left = deadline - now()
+        if left > 0:
+            sleep(left)
+        late.append(now() - deadline)
+    return late
+
+
 def measure_jitter(
     duration_s: float,
     period_s: float,
@@ -70,16 +88,8 @@ def measure_jitter(
     sleep: Callable[[float], None] = time.sleep,
 ) -> Jitter:
     """Sleep to absolute deadlines for a while; return how late the wake-ups were."""
-    count = max(1, round(duration_s / period_s))
-    start = now()
-    late: list[float] = []
-    for i in range(1, count + 1):
-        deadline = start + i * period_s
-        left = deadline - now()
-        if left > 0:
-            sleep(left)
-        late.append(max(0.0, now() - deadline))
-    late.sort()
+    late = sorted(max(0.0, each) for each in wakeups(duration_s, period_s, now, sleep))
+    count = len(late)
     return Jitter(count, late[count // 2], late[min(count - 1, (99 * count) // 100)], late[-1])
 
 

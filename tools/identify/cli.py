@@ -312,8 +312,8 @@ def run(args: argparse.Namespace) -> int:
     part = subject.part
     stops = attitudes(part, args.posture, args.attitudes, args.room)
     try:
-        lead = _simulated if args.simulate else _driven
-        found = judge(part, lead(cell, stops, subject))
+        lead = identify_simulated if args.simulate else _driven
+        found = judge(part, lead(cell, stops, say, subject))
     except (NotIdentified, OperatorError) as error:
         say(f"telerobot: not identified: {error}")
         return 1
@@ -324,11 +324,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _simulated(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
-    return identify_simulated(cell, stops, say, subject)
-
-
-def _driven(cell: Cell, stops: list[AttitudeStop], subject: Subject) -> list[AttitudeMean]:
+def _driven(
+    cell: Cell, stops: list[AttitudeStop], say: Callable[[str], None], subject: Subject | None
+) -> list[AttitudeMean]:
     with Operator(cell, name="identify") as operator:
         operator.acquire()
         operator.enable()

@@ -252,16 +252,6 @@ SHOWN = 1e-4  # smallest share of a twist that is shown [m/s, rad/s]
 NAMES = {"joystick": "stick"}  # sources that people call otherwise, here as on the page
 
 
-@dataclass(frozen=True)
-class LinkStatus:
-    """Link and lease, as an operator knows them."""
-
-    mine: bool
-    round_trip_s: float | None
-    echo_age_s: float
-    insecure: bool
-
-
 def tool_words(pose: Sequence[float]) -> str:
     """Return a pose `[x, y, z, roll, pitch, yaw]` as its place and the tool's z and x axes.
 
@@ -322,15 +312,15 @@ def arm_lines(
     return lines
 
 
-def link_words(state: State, link: LinkStatus) -> list[str]:
+def link_words(state: State, operator: Operator, now_s: float) -> list[str]:
     """Return lease, round trip and speed, each as a few words."""
-    holder = state.lease_holder
-    words = [f"lease {holder or 'free'}{' (you)' if holder and link.mine else ''}"]
-    if link.round_trip_s is not None:
-        fresh = link.echo_age_s < ECHO_SHOWN_S
-        words.append(f"round trip {1e3 * link.round_trip_s:3.0f} ms" if fresh else "no echo")
+    holder, trip = state.lease_holder, operator.round_trip
+    words = [f"lease {holder or 'free'}{' (you)' if holder and operator.holds_lease else ''}"]
+    if trip.seconds is not None and trip.heard_s is not None:
+        fresh = now_s - trip.heard_s < ECHO_SHOWN_S
+        words.append(f"round trip {1e3 * trip.seconds:3.0f} ms" if fresh else "no echo")
     words.append(f"overruns {state.overruns}")
-    if link.insecure:
+    if operator.description is not None and operator.description.network == "insecure":
         words.append("INSECURE: anybody may command")
     if state.speed_factor < 1.0:
         words.append(f"speed limit {state.speed_factor:.0%}")
@@ -615,19 +605,12 @@ class KeyboardTeleop:
             return f"no telemetry of {operator.cell} yet from {operator.endpoint}", self._stick()
         if now_s - since > SILENT_S:
             return f"no telemetry for {now_s - since:.1f} s", self._stick()
-        led, trip = state.of(self._task.get("task")), operator.round_trip
+        led = state.of(self._task.get("task"))
         jogged = self._tasks[self.hand].joints if self.stick.joint is not None else ()
         first = sum(len(task.joints) for task in self._tasks[: self.hand])
-        link = LinkStatus(
-            mine=operator.holds_lease,
-            round_trip_s=trip.seconds,
-            echo_age_s=now_s - (trip.heard_s or -math.inf),
-            insecure=operator.description is not None
-            and operator.description.network == "insecure",
-        )
         slides = self._tasks[self.hand].slides if jogged else ()
         arm = arm_lines(state, led, tuple(self._task.values()), jogged, first, slides)
-        return *arm, " | ".join([self._stick(), *link_words(state, link)])
+        return *arm, " | ".join([self._stick(), *link_words(state, operator, now_s)])
 
     def _stick(self) -> str:
         stick, held = self.stick, " ".join(sorted(self._moving))

@@ -3,7 +3,6 @@
 import argparse
 import asyncio
 import base64
-import json
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,10 +16,10 @@ from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ..host.progress import counted
 from ..operator.web import cli as live
-from ..operator.web.pages import limits_of
+from ..operator.web.pages import told_state
 from ..operator.web.server import Access, Listen, SceneServer
 from ..operator.web.streams import told_contour, told_obstacle, told_picture, told_scan, told_truth
-from ..operator.words import event_words, is_cause, why
+from ..operator.words import event_words, is_cause
 from .run_file import Recorded, RecordError, read_cell, read_run, read_scene
 
 # --- A recorded run, cut into pieces of a few seconds that a page asks for as it plays ------------
@@ -119,7 +118,7 @@ class Timeline:
         self._told = False
         state = State.model_validate(message.json())
         self.states += 1
-        self._add("state", t, told_state(state, self._cause))
+        self._add("state", t, told_state(state, self._cause)[:-1] + "}")
 
     def _event(self, t: float, message: Recorded) -> None:
         event = Event.model_validate(message.json())
@@ -150,14 +149,6 @@ class Timeline:
     def _close_piece(self) -> None:
         self._pieces.append(zlib.compress(f"[{','.join(self._open)}]".encode(), 1))
         self._open = [_timed(t, text) for t, text in self._newest.values()]
-
-
-def told_state(state: State, cause: Event | None) -> str:
-    """Return a state as a page is told it, as JSON."""
-    return (
-        f'{{"type":"state","state":{state.model_dump_json()},'
-        f'"limits":{json.dumps(limits_of(state))},"why":{json.dumps(why(state, cause))}}}'
-    )
 
 
 def _timed(t: float, text: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.mechanism import BackboneSection
 from ...config.schema.section import PoseSection
-from ...config.schema.surroundings import CameraSection, RigTagSection
+from ...config.schema.surroundings import CameraSection
 from ...protocols import topics as t
 from ...protocols.messages.messages import Frame
 from ...protocols.messages.rig import RigTruth
@@ -404,9 +404,8 @@ class _JudgedCamera:
     @classmethod
     def of(cls, part: Cell, camera: CameraSection) -> Self:
         mechanism = part.config.mechanism
-        mrf, base = mechanism.T_wrist_mrf, mechanism.T_world_base
-        T_mrf_wrist = Pose.from_xyz_rpy(mrf.xyz, mrf.rpy).inverse()
-        return cls(camera, mechanism.name, T_mrf_wrist, Pose.from_xyz_rpy(base.xyz, base.rpy))
+        T_mrf_wrist = placed(mechanism.T_wrist_mrf).inverse()
+        return cls(camera, mechanism.name, T_mrf_wrist, placed(mechanism.T_world_base))
 
 
 class ViewJudge:
@@ -428,13 +427,17 @@ class ViewJudge:
         tag = None if eye is None else self._tags.get(eye.camera.tag)
         if eye is None or tag is None:
             return None
-        pose = truth.arms[eye.arm].pose_mrf
-        T_world_wrist = Pose.from_xyz_rpy(pose[:3], pose[3:]) @ eye.T_mrf_wrist
+        T_world_wrist = _pose(truth.arms[eye.arm].pose_mrf) @ eye.T_mrf_wrist
         base = truth.frames.get("base")
-        T_world_base = eye.T_world_base if base is None else Pose.from_xyz_rpy(base[:3], base[3:])
-        return _lens(eye.camera, T_world_wrist, T_world_base).inverse() @ _tag(
-            tag, T_world_wrist, truth
-        )
+        stands = {
+            "wrist": T_world_wrist,
+            "base": eye.T_world_base if base is None else _pose(base),
+            "world": Pose.identity(),
+        }
+        T_world_lens = stands[eye.camera.on] @ placed(eye.camera.place)
+        if tag.T_wrist_tag is not None:
+            return T_world_lens.inverse() @ (T_world_wrist @ placed(tag.T_wrist_tag))
+        return T_world_lens.inverse() @ _pose(truth.tags[tag.name])
 
     def on_event(self, event: Event, truth: RigTruth) -> None:
         if event.name == "view_stored":
@@ -454,15 +457,3 @@ class ViewJudge:
         turn = rotation_log(a.R.T @ b.R)
         way = b.p - a.p
         return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))
-
-
-def _lens(camera: CameraSection, T_world_wrist: Pose, T_world_base: Pose) -> Pose:
-    stands = {"wrist": T_world_wrist, "base": T_world_base, "world": Pose.identity()}
-    return stands[camera.on] @ Pose.from_xyz_rpy(camera.place.xyz, camera.place.rpy)
-
-
-def _tag(tag: RigTagSection, T_world_wrist: Pose, truth: RigTruth) -> Pose:
-    if tag.T_wrist_tag is not None:
-        return T_world_wrist @ Pose.from_xyz_rpy(tag.T_wrist_tag.xyz, tag.T_wrist_tag.rpy)
-    pose = truth.tags[tag.name]
-    return Pose.from_xyz_rpy(pose[:3], pose[3:])

@@ -416,11 +416,8 @@ class PageHub:
         if now_s - self._stated_s < STATE_S - POLL_S or not self.pages:
             return
         self._stated_s = now_s
-        text = (
-            f'{{"type":"state","tick":{state.tick},"t":{state.time_s},'
-            f'"state":{state.model_dump_json()},"limits":{json.dumps(limits_of(state))},'
-            f'"why":{json.dumps(why(state, self._cause))},"mine":'
-        )
+        text = told_state(state, self._cause)
+        text += f'"tick":{state.tick},"t":{state.time_s},"mine":'
         for page in self.pages:
             page.tell_state(text)
 
@@ -483,7 +480,12 @@ class PageHub:
         )
 
 
-def limits_of(state: State) -> dict[str, str]:
-    """Return all limits that act in a cell's tasks, in words, by their names."""
+def told_state(state: State, cause: Event | None) -> str:
+    """Return a state as a page is told it, as JSON that more is added to; ends with a comma.
+
+    All limits that act in the cell's tasks, and why the arm is in its mode, are words.
+    """
     names = {name for task in (state, *state.tasks.values()) for name in task.limits}
-    return {name: limit_words(name) for name in names}
+    limits = json.dumps({name: limit_words(name) for name in names})
+    words = json.dumps(why(state, cause))
+    return f'{{"type":"state","state":{state.model_dump_json()},"limits":{limits},"why":{words},'

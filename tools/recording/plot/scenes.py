@@ -50,7 +50,7 @@ class LinkCover(NamedTuple):
     """Volume of the capsules' union by that of the shape's convex hull [1]; inf if it is flat."""
     outside: float
     """Distance by which the shape stands out of its capsules, 0 for one that they hold [m]."""
-    at_ready: Array  # rotation and place (3, 4) of the link at `ready`, in World
+    at_ready: Pose  # the link's at `ready`, in World
 
     def text(self) -> str:
         """Return a line that states how tight the capsules are, and whether they hold the shape."""
@@ -85,10 +85,10 @@ def covers(cell: Cell, packages: Mapping[str, Path]) -> list[LinkCover]:
             same = [c for c in capsules.each if c.body == body]
             own = [c for c in same if c.link == name] or same
             tubes = tuple(_seen_from(c, T.R, T.p) for c in own)
-            root = _root(base.xyz, base.rpy)
-            placed = root if body <= 0 else frames[body - 1]
-            at = np.column_stack([placed[:, :3] @ T.R, placed[:, :3] @ T.p + placed[:, 3]])
-            found.append(_cover(name, shape.triangles, tubes, at))
+            carrier = Pose.from_xyz_rpy(base.xyz, base.rpy)
+            if body > 0:
+                carrier = Pose(frames[body - 1][:, :3], frames[body - 1][:, 3])
+            found.append(_cover(name, shape.triangles, tubes, carrier @ T))
     if wrong:
         raise ConfigError(*wrong)
     return found
@@ -104,7 +104,7 @@ def drawn(title: str, links: Sequence[LinkCover]) -> Figure:
     for column, (across, up) in enumerate(((0, 2), (1, 2), (0, 1))):
         ax = figure.add_subplot(top[column])
         for link in links:
-            R, p = link.at_ready[:, :3], link.at_ready[:, 3]
+            R, p = link.at_ready
             moved = tuple(Tube(R @ t.start + p, R @ t.end + p, t.radius) for t in link.tubes)
             _view(ax, link.triangles @ R.T + p, moved, (across, up))
         ax.set_title(f"at `ready`, World {_AXES[across]}{_AXES[up]} [m]", fontsize="small")
@@ -121,7 +121,7 @@ def drawn(title: str, links: Sequence[LinkCover]) -> Figure:
     return figure
 
 
-def _cover(name: str, triangles: Array, tubes: tuple[Tube, ...], at: Array) -> LinkCover:
+def _cover(name: str, triangles: Array, tubes: tuple[Tube, ...], at: Pose) -> LinkCover:
     points = triangles.reshape(-1, 3)
     hull = hull_of(extreme(points, 1000))
     ratio = math.inf if hull is None or not tubes else union(tubes) / hull.volume
@@ -134,11 +134,6 @@ def _cover(name: str, triangles: Array, tubes: tuple[Tube, ...], at: Array) -> L
 def _seen_from(capsule: Capsule, R: Array, p: Array) -> Tube:
     """Return a capsule of a body in the frame of a link, which is at R, p of the body."""
     return Tube((capsule.start - p) @ R, (capsule.end - p) @ R, capsule.radius)
-
-
-def _root(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
-    T = Pose.from_xyz_rpy(tuple(xyz), tuple(rpy))
-    return np.column_stack([T.R, T.p])
 
 
 def _view(ax: Axes, triangles: Array, tubes: Sequence[Tube], axes: tuple[int, int]) -> None:
