@@ -138,7 +138,7 @@ def contours(cell: Cell, heard: list[Heard]) -> list[float]:
 def wheels(cell: Cell, steps: int) -> Figures:
     """Measure from the put of a drive to the first frame of a wheel that follows it."""
     with driven(cell) as plant:
-        targets = latency.Targets(plant.cell, plant.listener, cell.config.mechanism.wheels)
+        targets = latency.Targets(plant.cell, plant.bus, cell.config.mechanism.wheels)
         period_s = cell.config.timing.period_s
         return latency.from_rest(plant, targets, steps, period_s, partial(_drive, plant))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...config.load import Cell, load_cell
-from ...drivers.bus import CanMessage, open_bus
+from ...drivers.bus import CanBus, CanMessage, open_bus
 from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
 from ...protocols.messages.messages import Frame
@@ -26,23 +26,10 @@ STILL = "\n[redundancy]\nmid_range = 0.0\n"
 """Switches self-motion off: a latency is measured from rest."""
 
 
-class FrameListener:
-    """A passive member of the cell's first bus; stamps are the kernel's, on the wall clock [s]."""
-
-    def __init__(self, cell: Cell) -> None:
-        self._bus = open_bus(cell.config.fieldbuses[0])
-
-    def frames(self) -> Iterator[CanMessage]:
-        """Yield the frames that have come, without waiting."""
-        while (message := self._bus.recv(0)) is not None:
-            yield message
-
-    def wait(self, timeout_s: float) -> CanMessage | None:
-        """Return the next frame, None if none comes in time [s]."""
-        return self._bus.recv(timeout_s)
-
-    def close(self) -> None:
-        self._bus.shutdown()
+def frames(bus: CanBus) -> Iterator[CanMessage]:
+    """Yield the frames that have come, without waiting."""
+    while (message := bus.recv(0)) is not None:
+        yield message
 
 
 @dataclass(frozen=True)
@@ -51,7 +38,8 @@ class EnabledPlant:
 
     cell: Cell
     operator: Operator
-    listener: FrameListener
+    bus: CanBus
+    """A passive member of the cell's first bus; stamps are the kernel's, on the wall clock [s]."""
 
 
 def without_self_motion(cell: Cell, folder: Path) -> Cell:
@@ -74,15 +62,15 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]
     """
     with LocalPlant(cell, statistics) as plant:
         plant.wait(plant.answers, START_S, "the daemon did not answer")
-        listener = FrameListener(plant.cell)
+        bus = open_bus(plant.cell.config.fieldbuses[0])
         try:
             with Operator(plant.cell, name="bench") as operator:
                 _until_ready(plant, operator)
                 operator.acquire()
                 operator.enable()
-                yield EnabledPlant(plant.cell, operator, listener)
+                yield EnabledPlant(plant.cell, operator, bus)
         finally:
-            listener.close()
+            bus.shutdown()
 
 
 def _until_ready(plant: LocalPlant, operator: Operator) -> None:
@@ -115,7 +103,7 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
         still = without_self_motion(cell, Path(folder))
         with driven(still) as plant:
             plant.operator.request(t.SWITCH, source="force", on=False)
-            targets = Targets(plant.cell, plant.listener)
+            targets = Targets(plant.cell, plant.bus)
             return from_rest(plant, targets, steps, period_s, partial(_stick, plant))
 
 
@@ -157,10 +145,8 @@ def from_rest(
 class Targets:
     """Knows the newest target of each drive on the bus, or of those of some joints."""
 
-    def __init__(
-        self, cell: Cell, listener: FrameListener, joints: Collection[str] | None = None
-    ) -> None:
-        self._listener = listener
+    def __init__(self, cell: Cell, bus: CanBus, joints: Collection[str] | None = None) -> None:
+        self._bus = bus
         drives = cell.config.mechanism.drives
         self._ids = {rpdo1_id(d.node) for d in drives if joints is None or d.joint in joints}
         self._targets: dict[int, int] = {}
@@ -175,7 +161,7 @@ class Targets:
 
     def forget(self) -> None:
         """Read the frames that have come already."""
-        while self._listener.wait(0.0) is not None:
+        for _ in frames(self._bus):
             continue
 
     def changed_at(self, within_s: float) -> float | None:
@@ -189,7 +175,7 @@ class Targets:
 
     def _next(self, timeout_s: float) -> float | None:
         """Return the stamp of the next frame if it changes a target [s]."""
-        frame = self._listener.wait(timeout_s)
+        frame = self._bus.recv(timeout_s)
         if frame is None or frame.arbitration_id not in self._ids or len(frame.data) != 6:
             return None
         (target,) = struct.unpack_from("<i", frame.data, 2)

@@ -18,7 +18,7 @@ import numpy as np
 from ...config.load import Cell
 from ...protocols.canopen.can301 import SYNC_ID
 from .figures import PERCENTILES, Figures, percentiles
-from .latency import EnabledPlant, driven
+from .latency import EnabledPlant, driven, frames
 
 SECONDS = 60.0
 QUICK_SECONDS = 10.0
@@ -40,7 +40,7 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
     period_s = cell.config.timing.period_s
     with driven(cell, statistics) as plant:
         _sway(plant, SETTLE_S)
-        for _ in plant.listener.frames():
+        for _ in frames(plant.bus):
             continue  # what came before the measurement
         command = [sys.executable, "-m", f"{__package__}.bare", str(period_s), str(seconds)]
         bare = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -73,6 +73,6 @@ def _sway(plant: EnabledPlant, seconds: float) -> list[float]:
         twist = (0.0, speed, 0.5 * speed, 0.0, 0.0, 0.0)
         plant.operator.joystick(twist, STEP_S, expressed_in="base")
         stamps += [
-            frame.timestamp for frame in plant.listener.frames() if frame.arbitration_id == SYNC_ID
+            frame.timestamp for frame in frames(plant.bus) if frame.arbitration_id == SYNC_ID
         ]
     return stamps

@@ -140,7 +140,7 @@ def _driven(at: float, ahead: float, turn: float) -> str:
 
 
 def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:
-    told = f'{_of(arm, "task")}twist = {_six(twist)}, expressed_in = "world"'
+    told = f'{_of(arm, "task")}twist = {_list(twist)}, expressed_in = "world"'
     return _step(at, f'"cmd/joystick" = {{ {told} }}', for_s)
 
 
@@ -152,10 +152,6 @@ def _of(arm: str, key: str = "mechanism") -> str:
 def _step(at: float, body: str, for_s: float | None = None) -> str:
     lasts = "" if for_s is None else f"for_s = {for_s}\n"
     return f"[[step]]\nat_s = {at:.2f}\n{lasts}{body}\n"
-
-
-def _six(twist: Array) -> str:
-    return _list(twist, 5)
 
 
 def _list(values: Array, digits: int = 5) -> str:

@@ -20,6 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 from telerobot.config.load import Cell
+from telerobot.drivers.bus import CanBus, open_bus
 from telerobot.drivers.network.sensor_session import newest
 from telerobot.drivers.network.session import Session
 from telerobot.protocols import topics as t
@@ -28,7 +29,7 @@ from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import State
 from telerobot.server.control.spatial import Array
 from telerobot.tools.bench.figures import Figures, percentiles
-from telerobot.tools.bench.latency import FrameListener, Targets, without_self_motion
+from telerobot.tools.bench.latency import Targets, frames, without_self_motion
 from telerobot.tools.host.local_plant import LocalPlant, listens
 from telerobot.tools.host.machine import free_port
 
@@ -102,9 +103,9 @@ def bench(cell: Cell, quick: bool) -> Figures:
 class _Site:
     """A plant with a console; who listens on its bus, and to the rig's truth."""
 
-    def __init__(self, plant: LocalPlant, listener: FrameListener, session: Session) -> None:
-        self.plant, self.listener = plant, listener
-        self.targets = Targets(plant.cell, listener)
+    def __init__(self, plant: LocalPlant, bus: CanBus, session: Session) -> None:
+        self.plant, self.bus = plant, bus
+        self.targets = Targets(plant.cell, bus)
         self.started_s, self.address = 0.0, ""
         self._truths = session.subscribe(t.RIG_TRUTH, 1)
         self._states = session.subscribe(t.STATE, 1)
@@ -156,15 +157,15 @@ def _site(cell: Cell) -> Iterator[_Site]:
         )
         plant.wait(plant.answers, START_S, "the daemon did not answer")
         plant.wait(lambda: listens(port), START_S, "the console did not answer")
-        listener = FrameListener(plant.cell)
+        bus = open_bus(plant.cell.config.fieldbuses[0])
         session = Session(plant.cell.config.name, plant.cell.config.zenoh.dialled)
         try:
-            site = _Site(plant, listener, session)
+            site = _Site(plant, bus, session)
             site.started_s, site.address = started_s, f"http://127.0.0.1:{port}/?key={SECRET}"
             yield site
         finally:
             session.close()
-            listener.close()
+            bus.shutdown()
 
 
 def _keys(site: _Site, opened: OpenPage, keys: int, period_s: float) -> Figures:
@@ -271,12 +272,12 @@ def _viewers(site: _Site, browser: Any, count: int, seconds: float, period_s: fl
     if opened is not None:
         opened.watched(count - 1)
         opened.until(lambda: _pages(opened) == count, "not all viewers are there")
-    for _ in site.listener.frames():
+    for _ in frames(site.bus):
         continue  # what came before
     overruns, since_s = site.overruns(), time.monotonic()
     stamps: list[float] = []
     while time.monotonic() - since_s < seconds:
-        stamps += [f.timestamp for f in site.listener.frames() if f.arbitration_id == SYNC_ID]
+        stamps += [f.timestamp for f in frames(site.bus) if f.arbitration_id == SYNC_ID]
         time.sleep(0.01)
     found = {
         "period_error_us": percentiles(1e6 * np.abs(np.diff(np.array(stamps)) - period_s)),
