@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from ...config.schema.surroundings import CameraSection
 from ...protocols import topics as t
@@ -36,12 +35,8 @@ SHOW_EVERY_S = 0.2
 """People are shown a camera's picture at most this often, while somebody looks [s]."""
 
 
-class PictureSource(Protocol):
-    """Source of pictures."""
-
-    def picture(self) -> Picture | None:
-        """Return a picture, None where there is none yet. Raises `DeviceError`."""
-        ...
+Eye = Callable[[], Picture | None]
+"""Returns a picture, None where there is none yet. Raises `DeviceError`."""
 
 
 def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
@@ -62,7 +57,7 @@ class Looker:
     own; one that is due for both is taken once.
     """
 
-    def __init__(self, camera: CameraSection, eye: PictureSource, period_s: float) -> None:
+    def __init__(self, camera: CameraSection, eye: Eye, period_s: float) -> None:
         self.camera = camera
         self.due_s = self.video_due_s = 0.0
         self.watched = False
@@ -85,7 +80,7 @@ class Looker:
     def look(self, newest_tick: int, now_s: float) -> tuple[Sighting, Picture, Detection] | None:
         """Return the message of one picture, with what it is about; None without a picture."""
         self.due_s = max(self.due_s + 1.0 / self.camera.rate_hz, now_s)
-        picture = self._eye.picture()
+        picture = self._eye()
         if picture is None:
             return None
         sight = self._detector.look(picture)
@@ -103,7 +98,7 @@ class Looker:
         if not self.watched or now_s < self.video_due_s - early_s:
             return None
         self.video_due_s = max(self.video_due_s + period_s, now_s)
-        return self._eye.picture() if picture is None else picture
+        return self._eye() if picture is None else picture
 
 
 class _Video:

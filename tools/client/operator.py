@@ -243,6 +243,13 @@ class Motions(ABC):
         """Number of the newest message that was sent."""
         return self._line.client.seq
 
+    def _stream_for(self, seconds: float, topic: t.Topic, **fields: Any) -> None:
+        self.stream(topic, **fields)
+        if seconds > 0.0:
+            self.spin(seconds)
+            self.end_stream(topic)
+            self.need_lease()
+
     def _named(self, topic: t.Topic) -> dict[str, str]:
         """Return what names the task, or its mechanism, in a topic's message."""
         if self._led is None:
@@ -266,16 +273,8 @@ class Motions(ABC):
         Raises `OperatorError` without the lease, or when it is lost meanwhile, `ValueError` for
         what is no twist.
         """
-        self.stream(
-            t.JOYSTICK,
-            twist=tuple(twist),
-            expressed_in=m.Frame(expressed_in),
-            relative_to=m.Frame(relative_to),
-        )
-        if seconds > 0.0:
-            self.spin(seconds)
-            self.end_stream(t.JOYSTICK)
-            self.need_lease()
+        axes = {"expressed_in": m.Frame(expressed_in), "relative_to": m.Frame(relative_to)}
+        self._stream_for(seconds, t.JOYSTICK, twist=tuple(twist), **axes)
 
     def drive(self, speed: float, turn: float | None = None, seconds: float = 0.0) -> None:
         """Drive a mechanism as a whole: a base on wheels, or an arm into its tunnels.
@@ -284,11 +283,8 @@ class Motions(ABC):
         an arm is inserted at `speed`, or withdrawn with a negative one. For a while; with `seconds`
         0, until told otherwise (and only while `spin` is called). Raises as `joystick` does.
         """
-        self.stream(t.DRIVE, rates=(speed,) if turn is None else (speed, turn))
-        if seconds > 0.0:
-            self.spin(seconds)
-            self.end_stream(t.DRIVE)
-            self.need_lease()
+        rates = (speed,) if turn is None else (speed, turn)
+        self._stream_for(seconds, t.DRIVE, rates=rates)
 
     def self_motion(self, rate: float, seconds: float = 0.0) -> None:
         """Move the spare joints while the tool stays, or goes its way, for a while.
@@ -297,11 +293,7 @@ class Motions(ABC):
         With `seconds` 0, until told otherwise (and only while `spin` is called). Raises as
         `joystick` does.
         """
-        self.stream(t.SELF_MOTION, rate=rate)
-        if seconds > 0.0:
-            self.spin(seconds)
-            self.end_stream(t.SELF_MOTION)
-            self.need_lease()
+        self._stream_for(seconds, t.SELF_MOTION, rate=rate)
 
     def arm_angle(self, angle: float, speed: float | None = None) -> None:
         """Turn the elbow to an arm angle [rad] while the tool stays, or goes its way.

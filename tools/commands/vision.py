@@ -6,6 +6,7 @@ hardware tells. Either way the same code looks at the picture.
 """
 
 import argparse
+from functools import partial
 
 from ...config.load import Cell, ConfigError
 from ...config.schema.surroundings import CameraSection
@@ -13,23 +14,12 @@ from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
 from ...drivers.vision.detector import Picture
 from ...drivers.vision.device import VideoCamera
-from ...drivers.vision.process import Looker, PictureSource, PictureWork
+from ...drivers.vision.process import Eye, Looker, PictureWork
 from ...protocols import topics as t
 from ...protocols.messages.rig import RigTruth
 from ...protocols.topics import Role
 from ..host.address import cell_from
 from ..host.local_plant import until_told
-
-
-class _Rendered:
-    """A camera of the virtual world."""
-
-    def __init__(self, world: "_World", camera: CameraSection) -> None:
-        self._world, self._name = world, camera.name
-
-    def picture(self) -> Picture | None:
-        """Return what the camera would see now."""
-        return self._world.picture(self._name)
 
 
 class _World:
@@ -80,5 +70,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _eye(camera: CameraSection, world: _World | None) -> PictureSource:
-    return VideoCamera(camera) if world is None or camera.device else _Rendered(world, camera)
+def _eye(camera: CameraSection, world: _World | None) -> Eye:
+    if world is None or camera.device:
+        return VideoCamera(camera).picture
+    return partial(world.picture, camera.name)

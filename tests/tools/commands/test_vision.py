@@ -44,7 +44,7 @@ def looker(eye, device=None, rate_hz=20.0):
         latency_s=0.08,
         tag=7,
     )
-    made = Looker(camera, eye, 0.01)
+    made = Looker(camera, eye.picture, 0.01)
     made.seen_through = lambda: eye.taken
     return made
 
