@@ -5,7 +5,7 @@ import zipfile
 from pathlib import Path
 
 FOLDERS = ("config", "drivers", "protocols", "server", "tools")
-DATA = (".toml", ".urdf", ".eds", ".js", ".css", ".html", ".svg", ".service")
+DATA = (".toml", ".urdf", ".eds", ".js", ".css", ".html", ".svg", ".service", ".template")
 UNSHIPPED = {"node_modules", "pictures"}
 """Folders that no wheel holds: pictures are the pages', which are read in the repository."""
 

@@ -4,10 +4,12 @@ import math
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Final
+from string import Formatter
+from typing import Any, Final
 
 import numpy as np
 
@@ -139,6 +141,42 @@ class Draft:
     base_held: str = ""  # why a base that moves is held
 
 
+class _Writer(Formatter):
+    """Writes values as a TOML file has them, in the ways that `cell.template` names."""
+
+    _WAYS: Final[Mapping[str, Callable[[Any], str]]] = {
+        "number": number,
+        "bound": bound,
+        "quoted": quoted,
+        "plain": plain,
+        "list": numbers,
+        "list5": partial(numbers, digits=5),
+        "list6": partial(numbers, digits=6),
+    }
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        way = self._WAYS.get(format_spec)
+        return format(value, format_spec) if way is None else way(value)
+
+
+def _blocks() -> dict[str, list[str]]:
+    text = Path(__file__).with_name("cell.template").read_text(encoding="utf-8")
+    named = (block.partition("\n") for block in text.rstrip("\n").split("\n=== ")[1:])
+    return {name: lines.split("\n") for name, _, lines in named}
+
+
+_WRITER, _BLOCKS = _Writer(), _blocks()
+
+
+def _block(block: str, **values: Any) -> list[str]:
+    """Return the lines of a block of `cell.template`; of a list of lines, each."""
+    found: list[str] = []
+    for line in _BLOCKS[block]:
+        given = values.get(line[1:-1])
+        found += given if isinstance(given, list) else [_WRITER.vformat(line, (), values)]
+    return found
+
+
 def text_of(
     drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]] = (), *, rolls: bool = True
 ) -> str:
@@ -147,58 +185,101 @@ def text_of(
     `contacts` are links of several that overlap wherever the arms are. Without `rolls` a base that
     drives stands where it begins, as its arm is planned.
     """
-    first = drafts[0]
-    arm, several = first.arm, len(drafts) > 1
-    lines = [
-        f"# {first.name}: made by `telerobot init {arm.urdf.name}`. It runs as it is on virtual",
-        "# hardware. Before a real arm moves by it, look at every line that says "
-        f"{CONFIRM}, and go",
-        "# through config/README.md: `telerobot check` judges the file, `check --bus` the drives.",
-        "",
-        f'name = "{first.name}"',
-        f'description = "{first.name}, from {plain(arm.urdf.name)}"',
-        f'default_script = "{first.script}"',
-    ]
+    first, several = drafts[0], len(drafts) > 1
+    buses, mechanisms, tasks, wall = [], [], [], []
     for i, draft in enumerate(drafts):
-        lines += [
-            "",
-            "[[buses]]" if several else "[bus]",
-            *([f'name = "{draft.arm.name}"'] if several else []),
-            f'# {CONFIRM}: "socketcan" and a channel as "can0" for real drives.',
-            'interface = "loopback"',
-            f'channel = "239.74.163.{10 + i}"',
-            f"port = {draft.port + i}",
-        ]
-    if rolls and first.wheels is not None:
-        lines += ["", "# What the CRF is fixed to decides what a twist is relative to: on Base the"]
-        lines += ["# arm moves alone, in World the base follows.", "[frames]", 'crf_on = "base"']
-    for draft in drafts:
-        lines += _mechanism(draft, drafts, rolls=rolls)
-    lines += _common(drafts, contacts)
+        named = f'name = "{draft.arm.name}"'
+        head = ["[[buses]]", named] if several else ["[bus]"]
+        buses += _block("bus", head=head, group=10 + i, port=draft.port + i)
+        mechanisms += _mechanism(draft, drafts, rolls=rolls)
+        along = np.abs(draft.mrf) == np.abs(draft.mrf).max()
+        sideways = min(draft.sideways, draft.gain[0])
+        gains = [*np.where(along, draft.gain[0], sideways), *[draft.gain[1]] * 3]
+        tasks += _block(
+            "task",
+            head=["", "[[tasks]]", named] if several else [],
+            place="tasks." if several else "",
+            speed=min(0.15, 0.2 * draft.reach),
+            gain=", ".join(number(gain) for gain in gains),
+        )
+    if first.wall is not None:
+        centre, normal, half = first.wall
+        stiffness = first.stiffness[0]
+        wall = _block("wall", centre=centre, normal=normal, half=half, stiffness=stiffness)
+    named_pairs = {pair for draft in drafts for pair in _in_cell(draft, drafts)}
+    named_pairs |= {(min(pair), max(pair)) for pair in contacts}
+    pairs = [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in sorted(named_pairs)]
+    lines = _block(
+        "cell",
+        draft=first,
+        buses=buses,
+        frames=_block("frames") if rolls and first.wheels is not None else [],
+        mechanisms=mechanisms,
+        tasks=tasks,
+        speed=min(min(0.25, 0.3 * draft.reach) for draft in drafts),
+        contacts=_block("contacts", each=pairs) if pairs else [],
+        capsules=[line for draft in drafts for line in _capsules(draft, drafts)],
+        tool=[] if several else [f"tool_radius = {number(_radius(first))}"],
+        wall=wall,
+    )
     return "\n".join(lines) + "\n"
 
 
 def _mechanism(draft: Draft, drafts: Sequence[Draft], *, rolls: bool) -> list[str]:
     """Return the tables of one arm; those of the cell's only one are called otherwise."""
-    arm, several = draft.arm, len(drafts) > 1
+    arm, first, several = draft.arm, draft is drafts[0], len(drafts) > 1
     table = "mechanisms" if several else "mechanism"
-    without = arm.without
-    if several and draft is not drafts[0]:
+    wheels = draft.wheels if rolls else None
+    driven = [] if wheels is None else list(wheels.drives)
+    held = [name for name in arm.held if name not in {drive.joint for drive in driven}]
+    still = []
+    if held and first:
+        still += ["# Held at zero, as no part of an arm: " + plain(", ".join(held)) + "."]
+    if draft.base_held:
+        still += [f"# The base is held: {plain(draft.base_held)}."]
+    base, gripper, inertials = [], [], []
+    if wheels is not None:
+        left, right = (drive.joint for drive in wheels.drives)
+        base = _block("base", table=table, wheels=wheels, left=left, right=right)
+    for given in arm.inertials:
+        if first or given.link in arm.own:
+            I = given.inertia  # noqa: E741  the field's symbol
+            six = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+            inertials += _block("inertial", table=table, given=given, inertia=six)
+    each = enumerate((*driven, *draft.drives), start=1)
+    drives = [line for node, drive in each for line in _drive(node, drive, table)]
+    if arm.fingers:
+        node = len(driven) + len(draft.drives) + 1
+        gripper = _block("gripper", table=table, fingers=", ".join(arm.fingers), node=node)
+    return _block(
+        "mechanism",
+        draft=draft,
+        arm=arm,
+        table=table,
+        head=[f"[[{table}]]" if several else f"[{table}]"],
+        bus=[f'bus = "{arm.name}"'] if several else [],
+        stands=_stands(draft, drafts),
+        held=still,
+        base=base,
+        postures=[f"{name} = {numbers(q)}" for name, q in draft.postures.items()],
+        inertials=_block("inertials", each=inertials) if inertials else [],
+        gripper=gripper,
+        drives=drives,
+        place=f"{table}." if several else "",
+        damping=0.4 * draft.singular_region,
+        floor=0.2 * draft.singular_region,
+        tool=["", f"[{table}.rig]", f"tool_radius = {number(_radius(draft))}"] if several else [],
+    )
+
+
+def _stands(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
+    """Return where an arm stands, and which joints and links of its file are not its own."""
+    arm, lines, without = draft.arm, [], draft.arm.without
+    if draft is not drafts[0]:
         root = next(link for link in arm.root.findall("link") if _is_root(link, arm.root))
         without = (root.get("name", ""),)
-    lines = [
-        "",
-        f"[[{table}]]" if several else f"[{table}]",
-        f'name = "{arm.name}"',
-        *([f'bus = "{arm.name}"'] if several else []),
-        f"urdf = {quoted(draft.urdf)}",
-        f"# {CONFIRM}: the link that the tool is bolted to.",
-        f"tip_link = {quoted(arm.tip)}",
-    ]
-    wheels = draft.wheels
-    if wheels is not None and wheels.height:
-        lines += ["# The root link is so high above the floor."]
-        lines += [f"T_world_base = {{ xyz = {numbers([0.0, 0.0, wheels.height], digits=5)} }}"]
+    if draft.wheels is not None and draft.wheels.height:
+        lines += _block("above the floor", xyz=[0.0, 0.0, draft.wheels.height])
     if arm.first_joint is not None:
         if arm.standing:
             lines += [f"# {CONFIRM}: these stand at zero: {plain(', '.join(arm.standing))}."]
@@ -207,85 +288,7 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft], *, rolls: bool) -> list[st
         told = ", ".join(map(quoted, without))
         lines += ["# Another arm of the cell has these, and all that they carry."]
         lines += [f"without = [{told}]"]
-    lines += [
-        f"# {CONFIRM}: the greatest mass that the arm carries there [kg]; by the drives' torques.",
-        f"rated_payload = {bound(draft.rated)}",
-        f"# {CONFIRM}: the point that is moved, as seen from that link: here the ball of the rig.",
-        f"T_wrist_mrf = {{ xyz = {numbers(draft.mrf)} }}",
-    ]
-    drives = [] if wheels is None or not rolls else list(wheels.drives)
-    held = [name for name in arm.held if name not in {drive.joint for drive in drives}]
-    if held and draft is drafts[0]:
-        lines += ["# Held at zero, as no part of an arm: " + plain(", ".join(held)) + "."]
-    if draft.base_held:
-        lines += [f"# The base is held: {plain(draft.base_held)}."]
-    if wheels is not None and rolls:
-        lines += _base(wheels, table)
-    lines += ["", f"[{table}.postures]"]
-    lines += [f"# {CONFIRM}: nothing of the real cell is in the way. Found by a search: free of"]
-    lines += ["# collision with the arm itself, and away from singularities and limits."]
-    lines += [f"{name} = {numbers(q)}" for name, q in draft.postures.items()]
-    own = [given for given in arm.inertials if draft is drafts[0] or given.link in arm.own]
-    if own:
-        lines += [""]
-        lines += [
-            "# Estimated from shapes, where the URDF has no mass or inertia, or none of a body:"
-        ]
-    for given in own:
-        I = given.inertia  # noqa: E741  the field's symbol
-        lines += [
-            f"# {CONFIRM}: weigh it, or ask its maker. {plain(given.why)}.",
-            f"[[{table}.inertials]]",
-            f"link = {quoted(given.link)}",
-            f"mass = {number(given.mass)}",
-            f"com = {numbers(given.com)}",
-            "inertia = "
-            + numbers([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]], digits=6),
-            "",
-        ]
-    lines += _sensor(draft, table)
-    if arm.fingers:
-        lines += [
-            "",
-            f"# {CONFIRM}: a gripper on a digital output, its node and bit. By the URDF it has",
-            f"# {plain(', '.join(arm.fingers))}. Delete the section where there is none.",
-            f"[{table}.gripper]",
-            f"node = {len(drives) + len(draft.drives) + 1}",
-        ]
-    lines += [
-        "",
-        f"# {CONFIRM} of every drive: node, direction, counts and zero, one joint at a time.",
-        "# Speeds are half of the URDF's at most, accelerations by a third of the torque.",
-    ]
-    for node, drive in enumerate((*drives, *draft.drives), start=1):
-        lines += _drive(node, drive, table)
-    place = f"{table}." if several else ""
-    lines += [
-        "",
-        f"[{place}resolve]",
-        "# By the arm's size: radians weigh as metres by this, and damping begins at that.",
-        f"characteristic_length = {number(draft.length)}",
-        f"singular_region = {number(draft.singular_region)}",
-        f"damping = {number(0.4 * draft.singular_region)}",
-        f"floor = {number(0.2 * draft.singular_region)}",
-    ]
-    if several:
-        lines += ["", f"[{place}rig]", f"tool_radius = {number(_radius(draft))}"]
     return lines
-
-
-def _base(wheels: Wheels, table: str) -> list[str]:
-    left, right = (quoted(drive.joint) for drive in wheels.drives)
-    return [
-        "",
-        f"# {CONFIRM}: measure both: odometry is wrong by as much as they are.",
-        f"[{table}.base]",
-        'kind = "differential"',
-        f"wheels = {{ left = {left}, right = {right}, radius = {wheels.radius:g}, "
-        f"track = {wheels.track:g} }}",
-        f"speed = {bound(wheels.speed)}",
-        f"angular_speed = {bound(wheels.angular_speed)}",
-    ]
 
 
 def _is_root(link: ET.Element, root: ET.Element) -> bool:
@@ -293,116 +296,26 @@ def _is_root(link: ET.Element, root: ET.Element) -> bool:
     return link.get("name") not in children
 
 
-def _sensor(draft: Draft, table: str) -> list[str]:
-    return [
-        "",
-        f"# {CONFIRM}: a force/torque sensor between the arm and its tip link. Delete the section",
-        "# (and sources.force, rig.force_torque) where there is none: nothing then gives way.",
-        f"[{table}.force_torque]",
-        'device = "robotous"',
-        "rate_hz = 200",
-        f"# {CONFIRM}: what hangs on it, here by the URDF; `telerobot identify` finds it out.",
-        f"payload = {{ mass = {number(draft.payload)}, com = {numbers(draft.com)} }}",
-        f"# {CONFIRM}: the stiffest things that it will touch [N/m], [N·m/rad].",
-        f"stiffest_environment = {number(draft.stiffness[0])}",
-        f"stiffest_environment_rotation = {number(draft.stiffness[1])}",
-    ]
-
-
 def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
     unit, near = ("m", 0.005) if drive.prismatic else ("rad", 0.01)
-    lines = ["", *(f"# {CONFIRM}: {note}" for note in drive.notes), f"[[{table}.drives]]"]
-    lines += [f"joint = {quoted(drive.joint)}", f"node = {node}"]
-    counts = 1e7 if drive.prismatic else 1e5 if drive.rolls else 2086075.6701
-    lines += [f"counts_per_radian = {counts}", "direction = 1", "zero_rad = 0.0"]
-    for key, value in (("lower", drive.lower), ("upper", drive.upper)):
-        lines += [] if value is None else [f"{key} = {number(value)}"]
-    lines += [
-        f"rated_torque = {bound(0.5 * drive.torque)}",
-        f"max_torque = {bound(drive.torque)}",
-        f"max_velocity = {bound(drive.velocity)}  # [{unit}/s]",
-        f"max_acceleration = {bound(drive.acceleration)}",
-        f"max_jerk = {bound(drive.jerk)}",
-        *([] if drive.rolls else [f"position_margin = {near}"]),
-        f"quick_stop_deceleration = {number(1.5 * drive.acceleration)}",
-    ]
-    if drive.prismatic:
-        lines += ["leash = 0.01", "following_window = 0.02"]
+    window = ["leash = 0.01", "following_window = 0.02"] if drive.prismatic else []
     if drive.rolls:
-        lines += ["leash = 0.1", "following_window = 0.3"]
-    return lines
-
-
-def _common(drafts: Sequence[Draft], contacts: Sequence[tuple[str, str]]) -> list[str]:
-    """Return the tables of tasks, of the cell as a whole, and of its virtual hardware."""
-    first, several = drafts[0], len(drafts) > 1
-    lines = []
-    for draft in drafts:
-        along = np.abs(draft.mrf) == np.abs(draft.mrf).max()
-        sideways = min(draft.sideways, draft.gain[0])
-        gains = [*np.where(along, draft.gain[0], sideways), *[draft.gain[1]] * 3]
-        place = ""
-        if several:
-            place = "tasks."
-            lines += ["", "[[tasks]]", f'name = "{draft.arm.name}"']
-        lines += [
-            "",
-            f"[{place}sources.position]",
-            f"speed = {number(min(0.15, 0.2 * draft.reach))}",
-            "",
-            f"[{place}sources.force]",
-            "# Force to speed [m/s/N], moment to turning [rad/s/N·m]; `check` judges. Across the",
-            "# tool, where friction holds it, the arm's own stiffness at `ready` bounds it, too.",
-            f"gain = [{', '.join(number(gain) for gain in gains)}]",
-        ]
-    lines += [
-        "",
-        "[limits]",
-        f"# {CONFIRM}: the tool is never faster [m/s].",
-        f"speed = {number(min(min(0.25, 0.3 * draft.reach) for draft in drafts))}",
-        "angular_speed = 1.0",
-        "",
-        "# Links keep clear of each other, and of [[obstacles]]. Tell it what stands around:",
-        "# [[obstacles]]",
-        '# name = "table"',
-        '# shape = "box"',
-        "# xyz = [0.5, 0.0, -0.05]",
-        "# half_size = [0.4, 0.4, 0.05]",
-        "[avoidance]",
-        "enabled = true",
-        "clearance = 0.02",
-        "self_clearance = 0.005",
-    ]
-    named = {(a, b) for draft in drafts for a, b in _in_cell(draft, drafts)}
-    named |= {(min(pair), max(pair)) for pair in contacts}
-    if named:
-        lines += ["# These overlap, or nearly, wherever the arm is.", "allowed_contacts = ["]
-        lines += [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in sorted(named)]
-        lines += ["]"]
-    for draft in drafts:
-        lines += _capsules(draft, drafts)
-    radius = [] if several else [f"tool_radius = {number(_radius(first))}"]
-    lines += [
-        "",
-        "# The virtual hardware; the daemon never reads it. Delete it where the drives are real.",
-        "# What [rig.drive] does not say comes from the arm's inertia.",
-        "[rig]",
-        "seed = 1",
-        *radius,
-    ]
-    if first.wall is not None:
-        centre, normal, half = first.wall
-        lines += [
-            "",
-            "[rig.wall]",
-            f"xyz = {numbers(centre)}",
-            f"normal = {numbers(normal, digits=6)}",
-            f"half_size = {number(half)}",
-            f"stiffness = {number(first.stiffness[0])}",
-            "damping = 300.0",
-            "mass = 1.0",
-        ]
-    return lines
+        window = ["leash = 0.1", "following_window = 0.3"]
+    limits = (("lower", drive.lower), ("upper", drive.upper))
+    return _block(
+        "drive",
+        drive=drive,
+        node=node,
+        table=table,
+        notes=[f"# {CONFIRM}: {note}" for note in drive.notes],
+        counts=1e7 if drive.prismatic else 1e5 if drive.rolls else 2086075.6701,
+        limits=[f"{key} = {number(value)}" for key, value in limits if value is not None],
+        rated=0.5 * drive.torque,
+        unit=unit,
+        margin=[] if drive.rolls else [f"position_margin = {near}"],
+        stop=1.5 * drive.acceleration,
+        window=window,
+    )
 
 
 def _capsules(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
@@ -411,30 +324,19 @@ def _capsules(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
     for fit in draft.fits:
         if draft is not drafts[0] and fit.link not in draft.arm.own:
             continue
+        link, each = name_in(draft, drafts, fit.link), []
+        held = ", ".join(quoted(name_in(draft, drafts, link)) for link in fit.holds)
+        for i, (start, end, radius) in enumerate(fit.tubes):
+            holds = [f"holds = [{held}]"] if held and i == 0 else []
+            wide = math.ceil(1e4 * radius) / 1e4
+            each += _block("capsule", link=link, start=start, end=end, radius=wide, holds=holds)
         tight = "flat" if math.isinf(fit.ratio) else f"{fit.ratio:.2f} times its hull's volume"
-        lines += ["", f"# Around {fit.source}: {tight}."]
-        for i, tube in enumerate(fit.tubes):
-            lines += [
-                "[[avoidance.capsules]]",
-                f"link = {quoted(name_in(draft, drafts, fit.link))}",
-                f"start = {numbers(tube.start)}",
-                f"end = {numbers(tube.end)}",
-                f"radius = {number(math.ceil(1e4 * tube.radius) / 1e4)}",
-            ]
-            if fit.holds and i == 0:
-                held = ", ".join(quoted(name_in(draft, drafts, link)) for link in fit.holds)
-                lines += [f"holds = [{held}]"]
+        lines += _block("shape", fit=fit, tight=tight, each=each)
     if draft.tool is not None:
         start, radius = draft.tool
-        lines += [
-            "",
-            f"# {CONFIRM}: the tool, here the stalk and the ball of the rig.",
-            "[[avoidance.capsules]]",
-            f"link = {quoted(name_in(draft, drafts, draft.arm.tip))}",
-            f"start = {numbers(start)}",
-            f"end = {numbers(draft.mrf)}",
-            f"radius = {number(radius)}",
-        ]
+        tip = name_in(draft, drafts, draft.arm.tip)
+        tool = _block("capsule", link=tip, start=start, end=draft.mrf, radius=radius, holds=[])
+        lines += _block("tool", each=tool)
     return lines
 
 
