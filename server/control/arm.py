@@ -38,10 +38,10 @@ from .mechanism.redundancy import Redundancy
 from .mechanism.resolution import bend, resolve
 from .mechanism.self_motion import IDLE as IDLE_HAND
 from .mechanism.self_motion import LATE, NONE_SPARE
-from .mechanism.wrench import ContactWrench, SensorReading, Wrist, WristMemory
+from .mechanism.wrench import ContactWrench, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
-from .spatial import NO_TWIST, Array, Kinematics, Pose, sizes, wrench_to
+from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, sizes, wrench_to
 from .state import ArmMemory, Output
 from .stop.limiter import Commanded, Limited
 from .task.source import Context, Granted
@@ -143,11 +143,6 @@ def swept(dq: Array, inputs: Inputs) -> Array:
 # --- Inputs of a task's sources in one tick, and telemetry of its goal ----------------------------
 
 
-def sample_of(inputs: Inputs) -> SensorReading:
-    """Return the tick's reading of the force/torque sensor."""
-    return SensorReading(inputs.wrench_sensor, inputs.wrench_age_s, inputs.wrench_mean)
-
-
 def context_of(
     off_path: Array | None,
     told: WristMemory,
@@ -173,7 +168,7 @@ def context_of(
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
         wrench=seen.wrench,
         hand=seen.hand,
-        wrench_at=partial(wrist.wrench_mrf, told),
+        wrench_at=partial(wrist.contact.at_mrf, told.wrench),
         load=told.load,
         precedence=0.0 if seen.near is None else seen.near.alpha,
         off_path=off_path,
@@ -291,21 +286,21 @@ class Arm:
         T_world_wrist_measured = self.mechanism.pose_wrist(
             inputs.q_measured, None if moved is None else moved.T_world_base_measured
         )
-        wrist = self.measured(memory, inputs, T_world_wrist_measured)
+        wrist = self.wrist.measure(
+            memory.wrist, inputs, T_world_wrist_measured, memory.max_tool_acceleration
+        )
         if inputs.intent is Intent.SEED:
             memory = self.seeded(memory)
         motion, mrf = commanded.motion, inputs.settings.T_wrist_mrf
         base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
-        memory = self.tuned(memory, inputs, k, wrist)
-        task, objectives = memory.task, memory.objectives
+        task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
         placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(motion.q[None], base)
         if self.p.priority is not None:
             near = self.p.priority.look(motion.q, inputs.scene, near, base)
-        wrench = self.wrist.wrench_mrf(wrist, mrf)
-        hand = self.wrist.hand_mrf(wrist, mrf)
+        wrench, hand = self.wrist.contact.at_mrf(wrist.wrench, mrf)
         # A new MRF is no new point of the tool: singularities and shaped rates are told there.
         lever = k.T_world_wrist.R.dot(self.p.T_wrist_tool.p - mrf.p)
         held = None
@@ -336,8 +331,8 @@ class Arm:
             held=held,
             by_hand=memory.by_hand,
         )
-        asked = self.resolved(twists, request, seen, whole)
-        asked = self._coming_back(stance, inputs, seen, asked)
+        asked = self.resolved(twists, request, seen, whole, stance)
+        asked = self._coming_back(inputs, seen, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, inputs, seen, asked)
@@ -346,36 +341,25 @@ class Arm:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
         memory = evolve(
             memory,
+            wrist=wrist,
             task=task,
+            objectives=objectives,
+            moving_since_s=since_s,
             near=near,
             retreat=retreat,
             insertion=asked.found.insertion,
         )
         return memory, seen, asked
 
-    def measured(self, memory: ArmMemory, inputs: Inputs, T_world_wrist: Pose) -> WristMemory:
-        """Return the wrist's memory with the newest wrench in it; it was measured at a pose."""
-        wrist, settings = self.wrist, inputs.settings
-        return wrist.measure(
-            memory.wrist,
-            sample_of(inputs),
-            wrist.load(settings.payload, settings.wrench_bias),
-            T_world_wrist,
-            inputs.time_s,
-            inputs.moved,
-            memory.max_tool_acceleration,
-            at_once=inputs.intent is Intent.SEED,
-        )
-
     # --- gains -------------------------------------------------------------------------------
 
     def tuned(
         self, memory: ArmMemory, inputs: Inputs, k: Kinematics, wrist: WristMemory
-    ) -> ArmMemory:
-        """Return the memory with the newest wrench, and with the gains in effect.
+    ) -> tuple[TaskMemory, ObjectiveGains, float | None]:
+        """Return the task's memory, the objectives' gains in effect, and since when it moves [s].
 
-        Those of the task and of the redundancy objectives are scheduled, and ramped while moving.
-        While an operator moves the spare joints, only objectives that look at obstacles act.
+        None: the arm may not move. Gains are scheduled, and ramped while it may. While an operator
+        moves the spare joints, only objectives that look at obstacles act.
         """
         settings, moving = inputs.settings, inputs.intent is Intent.MOVE
         objectives = settings.objectives or self.redundancy.objectives
@@ -392,13 +376,7 @@ class Arm:
             objectives = self.standing.of_outside(objectives)
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
-        return evolve(
-            memory,
-            wrist=wrist,
-            task=task,
-            objectives=objectives,
-            moving_since_s=since_s if moving else None,
-        )
+        return task, objectives, since_s if moving else None
 
     # --- what is asked for -------------------------------------------------------------------
 
@@ -408,10 +386,12 @@ class Arm:
         request: RateRequest,
         seen: ArmMeasurement,
         whole: Whole = IDLE,
+        stance: Stance = STANDS,
     ) -> DesiredRates:
         """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
 
-        `request` says all but the twist. `whole` is what objectives have to be taken as it is.
+        `request` says all but the twist. `whole` is what objectives have to be taken as it is,
+        `stance` how the arm meets what comes.
         """
         twist, inputs, k = summed(twists), request.inputs, seen.kinematics
         q = seen.commanded.motion.q
@@ -448,7 +428,7 @@ class Arm:
             limits = ("tool_speed",)
         if joint_rates is not None:
             found = JointRates(s_tool * joint_rates, self.redundancy.none())
-            return DesiredRates(found.dq, twists, twist, s_tool, limits, found, by_joint=True)
+            return DesiredRates(found.dq, twists, twist, s_tool, limits, found, True, stance)
         if inputs.settings.contact_share < 1.0:
             s_tool *= inputs.settings.contact_share
             limits += ("contact",)
@@ -465,7 +445,7 @@ class Arm:
         limits += found.limits
         if inputs.self_motion.orders and found.by_hand is IDLE_HAND and NONE_SPARE not in limits:
             limits += (NONE_SPARE,)
-        return DesiredRates(dq, twists, twist, s_tool, limits, found, held=held)
+        return DesiredRates(dq, twists, twist, s_tool, limits, found, False, stance, held)
 
     def _led_by_hand(self, request: RateRequest, J: Array) -> RateRequest:
         """Return the request of an arm whose spare joints an operator moves.
@@ -550,13 +530,13 @@ class Arm:
         return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
 
     def _coming_back(
-        self, stance: Stance, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
+        self, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
     ) -> DesiredRates:
         """Add the way back of an arm that is off its station, where no goal leads it there.
 
         Contact holds it: what is there now may not be known.
         """
-        asked, station = asked._replace(stance=stance), stance.station
+        stance, station = asked.stance, asked.stance.station
         if station is None:
             return asked
         dq, limits = asked.dq, (*asked.limits, "off_station")
@@ -579,7 +559,9 @@ class Arm:
         q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         error, step = seen.error, self.retreat.step
         relieving = asked.by_joint and bool(asked.twists["force"].any())
-        held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
+        held_up: Array | float = 0.0
+        if held:
+            held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
         state, dq = step(
             memory.retreat, q, asked.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
             held_up,
@@ -594,7 +576,7 @@ class Arm:
         News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
         """
         told = inputs.jog is not None or inputs.posture is not None or inputs.self_motion.orders
-        told = told or bool(np.count_nonzero(inputs.wrench_desired))
+        told = told or nonzero(inputs.wrench_desired)
         return told or self.task.orders(twists)
 
     def tool_share(self, twist: Array, factor: float, most: float = math.inf) -> float:

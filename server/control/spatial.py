@@ -408,6 +408,15 @@ def _at(twist: Array, lever: Array, out: Array) -> None:
         out[i] = twist[i]
 
 
+@compiled(VECTOR)
+def nonzero(vector: Array) -> bool:
+    """Return whether any part of a vector (n,) is not zero: NaN is not, either."""
+    count = 0
+    for i in range(len(vector)):
+        count += vector[i] != 0.0
+    return count > 0
+
+
 def wrench_to(T_a_b: Pose, wrench_b: Array) -> Array:
     """Return a wrench (6,) given at b's origin in b's axes, at a's origin in a's axes.
 

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from ....config.schema.mechanism import TorqueSection
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..mechanism.model import Dynamics
-from ..spatial import Array, Kinematics, Motion, Pose, jacobian_at, pose_error, wrench_to
+from ..spatial import (
+    Array,
+    Kinematics,
+    Motion,
+    Pose,
+    jacobian_at,
+    nonzero,
+    pose_error,
+    wrench_to,
+)
 from .believed import (
     NOTHING_LEFT_OUT,
     Believed,
@@ -393,7 +402,7 @@ class TorqueLaw:
         """
         T = k.T_world_wrist @ self._T_wrist_tool
         lever = T.p - k.T_world_mrf.p
-        return T, jacobian_at(k.J, lever) if np.count_nonzero(lever) > 0 else k.J
+        return T, jacobian_at(k.J, lever) if nonzero(lever) else k.J
 
     def _believed(
         self,

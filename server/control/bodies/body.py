@@ -19,7 +19,7 @@ from ..mechanism.redundancy import Redundancy
 from ..mechanism.resolution import Resolved, Travel, resolve
 from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
-from ..spatial import Array, Kinematics, Pose, jacobian_at, twist_at
+from ..spatial import Array, Kinematics, Pose, jacobian_at, nonzero, twist_at
 from ..stop.limiter import StopConstraint
 from .rates import ArmMeasurement, Insertion, JointRates, RateRequest
 
@@ -144,7 +144,7 @@ class Resolver:
         held: HeldAxes | None = None,
     ) -> Resolved:
         """Resolve a twist (6,) of the MRF; J (6, n) is at the point that `lever` leads to."""
-        if np.count_nonzero(lever) > 0:
+        if nonzero(lever):
             twist = twist_at(twist, lever)
         down, up, (rank, D) = q - self._lower, self._upper - q, shares
         if D is None:
@@ -158,7 +158,7 @@ def judged_at(k: Kinematics, lever: Array) -> Kinematics:
 
     A new MRF brings no singularity nearer: they are judged at the same point of the tool.
     """
-    if np.count_nonzero(lever) == 0:
+    if not nonzero(lever):
         return k
     there = Pose(k.T_world_mrf.R, k.T_world_mrf.p + lever)
     return Kinematics(k.T_world_wrist, there, jacobian_at(k.J, lever))

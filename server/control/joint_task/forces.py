@@ -590,7 +590,7 @@ class GivingWay:
         `extra` (4,) is what the payload was found to weigh more than it was told.
         """
         felt = [
-            own_wrist.wrench_mrf(memory, tool)
+            own_wrist.contact.at_mrf(memory.wrench, tool)[0]
             for own_wrist, memory, tool in zip(self._wrists, wrists, self._tools, strict=True)
         ]
         mass, moment = self._mass + float(extra[0]), self._moment + extra[1:]

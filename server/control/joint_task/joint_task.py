@@ -408,7 +408,7 @@ class JointTask:
             memory, own = memories[i], inputs[i]
             T = arm.mechanism.pose_wrist(own.q_measured)
             measured.append(T)
-            wrists.append(arm.measured(memory, own, T))
+            wrists.append(arm.wrist.measure(memory.wrist, own, T, memory.max_tool_acceleration))
             seeding = told.intent is Intent.SEED
             before.append(arm.seeded(memory) if seeding else memory)
         each = [commanded[i] for i in self.members]
@@ -428,8 +428,7 @@ class JointTask:
                 measured[i],
                 each[i].sent[1] - given.q_measured,
                 each[i],
-                arm.wrist.wrench_mrf(wrists[i], mrf),
-                arm.wrist.hand_mrf(wrists[i], mrf),
+                *arm.wrist.contact.at_mrf(wrists[i].wrench, mrf),
             )
             found.append(_Of(before[i], given, seen, wrists[i], held[i]))
         return found, mean
@@ -442,11 +441,20 @@ class JointTask:
         That is the MRF's (6,), in World axes. None gives way while the payload is `lost`: they
         would go up and down after their shares.
         """
-        memory = self.arms[i].tuned(of.before, of.inputs, of.seen.kinematics, of.wrist)
-        gain, at = memory.task.gains.get("force", np.zeros(6)), of.seen.kinematics.T_world_wrist.p
+        k = of.seen.kinematics
+        task, objectives, since_s = self.arms[i].tuned(of.before, of.inputs, k, of.wrist)
+        gain, at = task.gains.get("force", np.zeros(6)), k.T_world_wrist.p
         intent = Intent.STOP if lost else of.inputs.intent
         way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
-        return evolve(memory, held=evolve(of.held, force=state)), way
+        memory = evolve(
+            of.before,
+            wrist=of.wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s,
+            held=evolve(of.held, force=state),
+        )
+        return memory, way
 
     def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
         """Return what one arm is asked for, for what a fault would then do."""

@@ -67,7 +67,7 @@ class HandState(NamedTuple):
     @property
     def moves(self) -> bool:
         """True while there is a rate, or a way to it."""
-        return not self.motion.stands()
+        return self.motion is not _REST and not self.motion.stands()
 
     def along(self, dq: Array) -> Self:
         """Return the state with what of the joint rates dq (n,) goes along its direction."""

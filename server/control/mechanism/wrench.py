@@ -6,8 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..compiled import ARRAY3, FLAG, MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_kernel
-from ..inputs import Payload
-from ..scene import Moved
+from ..inputs import Inputs, Intent, Payload
 from ..spatial import GRAVITY, Array, Pose, wrench_to
 
 # --- Contact wrench at the MRF, from a wrist sensor whose payload's weight and inertia are taken
@@ -138,8 +137,8 @@ class ContactWrench:
             sample if before is None else before,
             sample if state.mean is None else state.mean,
             sample if state.hand is None else state.hand,
-            self._older(age_s),
-            self._older(whole_age_s),
+            age_s,
+            whole_age_s,
             self._period_s,
             self._max_acceleration + commanded,
             1.0 if before is None else self._smoothing,
@@ -149,26 +148,20 @@ class ContactWrench:
         )
         return WrenchState(wrenches[0], wrenches[1], places, wrenches[2], wrenches[3], time_s)
 
-    def _older(self, age_s: float) -> float:
-        return min(max(age_s / self._period_s, 0.0), _OLDEST)
+    def at_mrf(self, state: WrenchState, T_wrist_mrf: Pose) -> tuple[Array | None, Array | None]:
+        """Return the contact wrench (6,) at and in the MRF (eq. 5), and that of the mean readings.
 
-    def wrench_mrf(self, state: WrenchState, T_wrist_mrf: Pose) -> Array | None:
-        """Return the contact wrench (6,) at and in the MRF (eq. 5); None when stale."""
-        return self._at_mrf(state.wrench, T_wrist_mrf)
-
-    def hand_mrf(self, state: WrenchState, T_wrist_mrf: Pose) -> Array | None:
-        """Return the contact wrench (6,) of the mean readings there; None when stale."""
-        return self._at_mrf(state.hand, T_wrist_mrf)
-
-    def _at_mrf(self, wrench: Array | None, T_wrist_mrf: Pose) -> Array | None:
-        if wrench is None:
-            return None
+        The latter is for what a payload's own force would upset. Both are None when stale.
+        """
+        if state.wrench is None or state.hand is None:
+            return None, None
         latest, other = self._frames
         if T_wrist_mrf is not latest[0]:
             if T_wrist_mrf is not other[0]:
                 other = (T_wrist_mrf, T_wrist_mrf.inverse() @ self.T_wrist_sensor)
             self._frames = [other, latest]
-        return wrench_to(self._frames[0][1], wrench)
+        T_mrf_sensor = self._frames[0][1]
+        return wrench_to(T_mrf_sensor, state.wrench), wrench_to(T_mrf_sensor, state.hand)
 
 
 @compiled(VECTOR, VECTOR)
@@ -258,7 +251,7 @@ def _see(
     R: Array, p: Array, R_wrist_sensor: Array, p_wrist_sensor: Array, places: Array,
     calibration: Array, sample: Array, mean: Array, load: Array, free_fall: Array,
     last: Array, before: Array, last_mean: Array, hand_before: Array,
-    older: float, mean_older: float, period_s: float, bound: float, smoothing: float,
+    age_s: float, mean_age_s: float, period_s: float, bound: float, smoothing: float,
     inertia: bool, wrenches: Array, at: Array,
 ) -> None:  # fmt: skip
     """Write the filtered wrench, the newest without weight, hand and mean (4, 6), and placements.
@@ -268,6 +261,8 @@ def _see(
     share of what is new that is taken over `before` (6,), the filtered wrench of the tick before.
     The last two are the same of the period's `mean` reading, which needs no trend carried on.
     """
+    older = min(max(age_s / period_s, 0.0), _OLDEST)
+    mean_older = min(max(mean_age_s / period_s, 0.0), _OLDEST)
     _follow(R, p, R_wrist_sensor, p_wrist_sensor, places, at)
     newest = _unladen(calibration, sample, load, at, free_fall, older)
     whole = _unladen(calibration, mean, load, at, free_fall, mean_older)
@@ -306,17 +301,6 @@ class WristMemory(NamedTuple):
     """Payload and bias in effect (10,), see `contact_wrench.load_of`."""
 
 
-class SensorReading(NamedTuple):
-    """One tick's reading of the sensor."""
-
-    wrench: Array | None
-    """Wrench that the arm exerts, at and in the Sensor frame (6,) [N, N·m]; None when stale."""
-    age_s: float
-    """How much older it is than the joints' sample [s]."""
-    mean: tuple[Array, float] | None
-    """The mean of a period's samples (6,) and its age [s]; None: the newest stands for all."""
-
-
 class Wrist:
     """The force/torque sensor of one mechanism, and what hangs on it."""
 
@@ -338,22 +322,22 @@ class Wrist:
     def measure(
         self,
         memory: WristMemory,
-        sample: SensorReading,
-        target: Array,
+        inputs: Inputs,
         T_world_wrist: Pose,
-        time_s: float,
-        moved: Moved | None,
         max_tool_acceleration: float,
-        at_once: bool,
     ) -> WristMemory:
         """Return the memory with the newest wrench in it, payload and bias taken off.
 
-        The load in effect goes to the `target` (10,) `at_once` or smoothly: a tool picked up or a
-        tare never jumps. `T_world_wrist` is measured, at the instant that the joints were;
-        `max_tool_acceleration` is the greatest acceleration that the tool was lately told [m/s²].
+        The load in effect goes smoothly to what is told: a tool picked up or a tare never jumps;
+        at a seed it is there at once. `T_world_wrist` is measured, at the instant that the joints
+        were; `max_tool_acceleration` is the greatest that the tool was lately told [m/s²].
         """
-        load = memory.load
-        load = target if load is None or at_once else load + self._part * (target - load)
+        settings, moved, load = inputs.settings, inputs.moved, memory.load
+        target = self.load(settings.payload, settings.wrench_bias)
+        if load is None or inputs.intent is Intent.SEED:
+            load = target
+        else:
+            load = load + self._part * (target - load)
         place, free_fall = T_world_wrist, GRAVITY
         if moved is not None:
             # Seen from a Base that moves: its news is too rough to be differentiated twice.
@@ -362,24 +346,16 @@ class Wrist:
             free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(T_world_wrist.p))
         wrench = self.contact.measure(
             memory.wrench,
-            sample.wrench,
+            inputs.wrench_sensor,
             load,
             place,
-            time_s,
-            sample.age_s,
+            inputs.time_s,
+            inputs.wrench_age_s,
             free_fall,
             OVERSHOOT * max_tool_acceleration,
-            sample.mean,
+            inputs.wrench_mean,
         )
         return WristMemory(wrench, load)
-
-    def wrench_mrf(self, memory: WristMemory, T_wrist_mrf: Pose) -> Array | None:
-        """Return what the arm exerts at and in the MRF (6,), None when stale."""
-        return self.contact.wrench_mrf(memory.wrench, T_wrist_mrf)
-
-    def hand_mrf(self, memory: WristMemory, T_wrist_mrf: Pose) -> Array | None:
-        """Return the same of the mean readings, for what a payload's own force would upset."""
-        return self.contact.hand_mrf(memory.wrench, T_wrist_mrf)
 
     def weight(
         self, T_world_mrf: Pose, T_wrist_mrf: Pose, payload: Payload | None, bias: Array

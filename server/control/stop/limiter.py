@@ -8,7 +8,7 @@ import numpy as np
 
 from ..compiled import MATRIX, VECTOR, compiled
 from ..joints import Joints
-from ..spatial import Array, Motion
+from ..spatial import Array, Motion, nonzero
 from .profile import Stop
 from .trajectory import TrajectoryError, VelocityPlanner
 
@@ -125,7 +125,7 @@ class Limiter:
         if factor != self._factor:
             self._planner.set_bounds(factor * self._acceleration, self._jerk)
             self._factor = factor
-        if not np.count_nonzero(target) and motion.stands():
+        if not nonzero(target) and motion.stands():
             return Limited(motion, held, False)
         least, least_bad = np.inf, None
         for part, way in ATTEMPTS if judge is not None else ATTEMPTS[:3]:

@@ -52,8 +52,8 @@ class Context(NamedTuple):
     """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
     hand: Array | None
     """The same of the mean readings."""
-    wrench_at: Callable[[Pose], Array | None]
-    """The wrench at and in another MRF, given in the Wrist."""
+    wrench_at: Callable[[Pose], tuple[Array | None, Array | None]]
+    """Both at and in another MRF, given in the Wrist."""
     load: Array | None
     """Payload and bias in effect (10,): mass [kg], mass · com (3,) [kg·m], bias (6,)."""
     precedence: float

@@ -21,6 +21,7 @@ from ..spatial import (
     Motion,
     Pose,
     motion_at,
+    nonzero,
     pose_error,
     rotate_twist,
     twist_at,
@@ -76,7 +77,7 @@ class Joystick(Source[JoystickState]):
             stick, state = None, _RELEASED
         if stick is not None:
             target = rotate_twist(stick.R_world_axes, gain * stick.twist)
-        planner = self._planner if np.count_nonzero(target) else self._braking
+        planner = self._planner if nonzero(target) else self._braking
         shaped = planner.shape(state.motion, target, self._shaping.period_s)
         if shaped is state.motion:
             return NO_TWIST, state
@@ -206,7 +207,7 @@ class Force(Source[ForceState]):
         before = redefined.before.T_wrist_mrf
         desired = wrench_to(before.inverse() @ context.T_wrist_mrf, desired_at_mrf(context))
         R_world_before = context.k.T_world_wrist.R @ before.R
-        was = accommodation(context.wrench_at(before), desired, gain, R_world_before)
+        was = accommodation(context.wrench_at(before)[0], desired, gain, R_world_before)
         return twist_at(was, redefined.lever) - twist
 
     def _beside_joints(self, context: Context, gain: Array) -> Array:
@@ -332,7 +333,7 @@ class Spring(Source[SpringState]):
 
     def rate(self, context: Context, state: SpringState, gain: Array) -> tuple[Array, SpringState]:
         """Return the twist that leads to the fixture; `gain` (6,) is K_S [1/s], in its frame."""
-        target, pulls = NO_TWIST, context.guided and np.count_nonzero(gain) > 0
+        target, pulls = NO_TWIST, context.guided and nonzero(gain)
         if not context.moving:
             state = _NO_SPRING
         if state is _NO_SPRING and not pulls:
@@ -463,7 +464,7 @@ class PointAt(Source[PointAtState]):
         self, context: Context, state: PointAtState, gain: Array
     ) -> tuple[Array, PointAtState]:
         """Return the twist that turns the axis to the point; `gain` (6,) is K_A [1/s], in World."""
-        target, looks = NO_TWIST[:3], context.guided and np.count_nonzero(gain[3:]) > 0
+        target, looks = NO_TWIST[:3], context.guided and nonzero(gain[3:])
         if not context.moving:
             state = _LOOKS_NOWHERE
         if state is _LOOKS_NOWHERE and not looks:
@@ -584,7 +585,7 @@ class Vision(Source[VisionState]):
         """
         goal = context.inputs.view if context.guided else None
         target = NO_TWIST
-        if goal is not None and np.count_nonzero(gain):
+        if goal is not None and nonzero(gain):
             p_world_tool = context.k.T_world_mrf.p + context.lever
             factor = context.inputs.settings.speed_factor
             target = self._asked(goal, context.k.T_world_wrist, p_world_tool, gain, factor)
@@ -594,7 +595,7 @@ class Vision(Source[VisionState]):
         if shaped is state.motion:
             return NO_TWIST, state
         twist = shaped.dq
-        if np.count_nonzero(context.lever):
+        if nonzero(context.lever):
             twist = twist_at(twist, -context.lever)
         return twist, VisionState(shaped)
 

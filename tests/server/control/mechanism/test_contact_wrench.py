@@ -50,14 +50,15 @@ def test_the_wrench_at_the_mrf_is_pinocchios(force, rng, random_pose):
             force.T_wrist_sensor.R, force.T_wrist_sensor.p
         )
         expected = M.act(pin.Force(wrench)).vector
-        found = force.wrench_mrf(WrenchState(wrench), T_wrist_mrf)
+        found, hand = force.at_mrf(WrenchState(wrench, hand=0.5 * wrench), T_wrist_mrf)
         np.testing.assert_allclose(found, expected, atol=1e-12)
+        np.testing.assert_allclose(hand, 0.5 * expected, atol=1e-12)
 
 
 def test_a_stale_sensor_knows_no_wrench(force):
     state = force.measure(WrenchState(np.ones(6)), None, LOAD, Pose.identity())
     assert state.wrench is None
-    assert force.wrench_mrf(state, Pose.identity()) is None
+    assert force.at_mrf(state, Pose.identity()) == (None, None)
 
 
 def test_the_filter_starts_at_the_first_sample_and_then_smooths():
