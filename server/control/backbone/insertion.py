@@ -11,6 +11,7 @@ from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ..bodies.body import Builder, SerialArm
 from ..bodies.rates import ArmMeasurement, Following, Insertion, JointRates, RateRequest
+from ..compiled import NUMBER, TABLE, VECTOR, compiled
 from ..inputs import DriveRequest, Intent, Settings, ToldTunnel
 from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
@@ -67,6 +68,26 @@ SLOPE_BY = 0.002
 """Half the way over which such a fit's slope is taken [m]."""
 WINDOW = 1.5
 """A point is looked for in the tunnel this many half widths from where it should be [1]."""
+
+
+@compiled(VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, TABLE)
+def _watch(
+    q: Array, measured: Array, q_before: Array, measured_before: Array, stood_before: Array,
+    period_s: float, out: Array,
+) -> bool:  # fmt: skip
+    """Write the first three of `Following` (3, n), and return whether they are others than before.
+
+    Joints are commanded at q (n,) and `measured` (n,) [rad]; the others are those before.
+    """
+    news = False
+    for j in range(len(q)):
+        moved = abs(measured[j] - measured_before[j]) > STOOD
+        asked = min(abs(q[j] - q_before[j]), abs(q[j] - measured[j])) > ASKED
+        out[0, j] = q[j] if moved else q_before[j]
+        out[1, j] = measured[j] if moved else measured_before[j]
+        out[2, j] = stood_before[j] + period_s if asked and not moved else 0.0
+        news = news or moved or out[2, j] != 0.0 or stood_before[j] != 0.0
+    return news
 
 
 class Backbone:
@@ -182,19 +203,15 @@ class Backbone:
     def watched(self, before: Following | None, q: Array, measured: Array) -> Following:
         """Return which joints follow, that were commanded at q (n,) and measured (n,) [rad]."""
         if before is None:
-            return Following(q, measured, np.full(len(q), np.nan), np.zeros(len(q)))
-        moved = np.abs(measured - before.measured) > STOOD
-        asked = np.minimum(np.abs(q - before.commanded), np.abs(q - measured)) > ASKED
-        stood = np.where(asked & ~moved, before.stood + self._period_s, 0.0)
-        if not (moved.any() or stood.any() or before.stood.any()):
+            return Following(q, measured, np.zeros(len(q)))
+        found, locked, n = np.empty((3, len(q))), before.locked, len(q)
+        if not _watch(q, measured, *before[:3], self._period_s, found):
             return before
-        locks = (stood > STANDS_S - 0.5 * self._period_s) & np.isnan(before.locked)
-        return Following(
-            np.where(moved, q, before.commanded),
-            np.where(moved, measured, before.measured),
-            np.where(locks, measured, before.locked),
-            stood,
-        )
+        locks = found[2] > STANDS_S - 0.5 * self._period_s
+        if locks.any():
+            at = np.full(n, np.nan) if locked is None else locked
+            locked = np.where(locks & np.isnan(at), measured, at)
+        return Following(found[0], found[1], found[2], locked)
 
     def beyond(self, s1: float) -> int:
         """Return the first joint that is beyond the exit at a free length [m]; n for none."""
@@ -227,12 +244,13 @@ class Backbone:
         if insertion is None:
             return self.located(q)
         s1, locked = self._along(insertion, q), insertion.locked
+        _, fit, slope, speed, beyond, watched = insertion
         if s1 != insertion.s1 or locked is not None:
-            near = insertion.q + insertion.rates * (s1 - insertion.s1)
-            fit, slope = self.fitted(s1, near, locked)
-            insertion = insertion._replace(s1=s1, q=fit, rates=slope, beyond=self.beyond(s1))
+            fit, slope = self.fitted(s1, fit + slope * (s1 - insertion.s1), locked)
+            beyond = self.beyond(s1)
         if following is not None:
-            insertion = insertion._replace(following=self.watched(insertion.following, *following))
+            watched = self.watched(watched, *following)
+        insertion = Insertion(s1, fit, slope, speed, beyond, watched)
         return insertion if self._off(insertion, q) < LOST else None
 
     def _along(self, insertion: Insertion, q: Array) -> float:

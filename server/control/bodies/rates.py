@@ -3,8 +3,6 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..axes import HeldAxes
 from ..hold import STANDS, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
@@ -23,10 +21,10 @@ class Following(NamedTuple):
     """(n,) [rad]"""
     measured: Array
     """(n,) [rad]"""
-    locked: Array
-    """Angles (n,) at which joints stand that do not follow [rad]; NaN for those that do."""
     stood: Array
     """How long each has stood (n,) that was asked to move [s]."""
+    locked: Array | None = None
+    """Angles (n,) of joints that do not follow, NaN for the others [rad]; None where all do."""
 
 
 class Insertion(NamedTuple):
@@ -48,8 +46,7 @@ class Insertion(NamedTuple):
     @property
     def locked(self) -> Array | None:
         """Angles (n,) of joints that do not follow, NaN for the others; None where all do."""
-        known = self.following
-        return None if known is None or np.isnan(known.locked).all() else known.locked
+        return None if self.following is None else self.following.locked
 
 
 class ArmMeasurement(NamedTuple):
