@@ -14,6 +14,7 @@ from telerobot.tools.bench.figures import Figures
 from telerobot.tools.cli import run_alone
 
 from . import fit, rover
+from .against import compare
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
 from .page import page
@@ -47,9 +48,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--growth", type=Path, metavar="FILE",
         help="measure instead how the tick grows with obstacles and joints, as JSON or as .svg",
     )  # fmt: skip
+    parser.add_argument(
+        "--against", metavar="REVISION",
+        help="measure this revision and another one in turn, and tell the ratios",
+    )  # fmt: skip
 
 
 def _run(args: argparse.Namespace) -> int:
+    if args.against is not None:
+        found = compare(args.against, args.only, args.quick)
+        if args.json:
+            args.json.write_text(json.dumps(found, indent=1))
+        return 0
     return cli.run(args, BENCHES) if args.growth is None else _grown(args.growth, args.quick)
 
 

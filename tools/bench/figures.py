@@ -3,6 +3,7 @@
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +21,12 @@ def percentiles(values: NDArray[np.float64]) -> dict[str, float]:
     if not len(values):
         return dict.fromkeys(PERCENTILES, float("nan"))
     return {name: round(float(np.percentile(values, p)), 1) for name, p in PERCENTILES.items()}
+
+
+def cpu_s(pid: int) -> float:
+    """Return the processor time that a process has taken so far, all of its threads [s]."""
+    after_name = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return sum(int(ticks) for ticks in after_name[11:13]) / os.sysconf("SC_CLK_TCK")
 
 
 def machine(packages: tuple[str, ...] = PACKAGES) -> Figures:

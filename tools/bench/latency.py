@@ -40,6 +40,8 @@ class EnabledPlant:
     operator: Operator
     bus: CanBus
     """A passive member of the cell's first bus; stamps are the kernel's, on the wall clock [s]."""
+    local: LocalPlant
+    """Its processes."""
 
 
 def without_self_motion(cell: Cell, folder: Path) -> Cell:
@@ -68,7 +70,7 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]
                 _until_ready(plant, operator)
                 operator.acquire()
                 operator.enable()
-                yield EnabledPlant(plant.cell, operator, bus)
+                yield EnabledPlant(plant.cell, operator, bus, plant)
         finally:
             bus.shutdown()
 

@@ -3,7 +3,8 @@
 Daemon and rig run as processes, the arm is enabled and moves under a streamed stick. A passive
 member of the bus takes the kernel's receive stamps. At the same time, a process that does nothing
 else sleeps to absolute deadlines of the same period: what the machine itself grants. How long its
-control computations took, the daemon tells when it ends.
+control computations took, the daemon tells when it ends; what processor time it and the rig take a
+period, the kernel.
 """
 
 import json
@@ -17,7 +18,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.canopen.can301 import SYNC_ID
-from .figures import PERCENTILES, Figures, percentiles
+from .figures import PERCENTILES, Figures, cpu_s, percentiles
 from .latency import EnabledPlant, driven, frames
 
 SECONDS = 60.0
@@ -44,8 +45,12 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
             continue  # what came before the measurement
         command = [sys.executable, "-m", f"{__package__}.bare", str(period_s), str(seconds)]
         bare = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        children = {"daemon": plant.local.daemon, "rig": plant.local.rig}
+        pids = {f"{name}_cpu_us": child.pid for name, child in children.items() if child}
+        before = {name: cpu_s(pid) for name, pid in pids.items()}
         try:
             stamps = _sway(plant, seconds)
+            taken = {name: cpu_s(pid) - before[name] for name, pid in pids.items()}
             output, _ = bare.communicate(timeout=seconds + 30.0)
         finally:
             if bare.poll() is None:
@@ -61,6 +66,7 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
         "period_error_us": ours,
         "bare_error_us": bare_us,
         "ratio_p99": round(ours["p99"] / bare_us["p99"], 2) if bare_us["p99"] else math.nan,
+        **{name: round(1e6 * each * period_s / seconds, 1) for name, each in taken.items()},
     }
 
 
