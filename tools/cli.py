@@ -1,20 +1,22 @@
 """The command line: `telerobot COMMAND …`; every command is a module of its own.
 
 A command's module offers `run(args) -> int` and is imported only when it runs. Its arguments stand
-in `arguments.py`, or as `add_arguments(parser)` in a module that takes no long to import.
+in `cli.toml`, or as `add_arguments(parser)` in a module that takes no long to import.
 Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
 """
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 from types import ModuleType
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from ..config.errors import ConfigError, printable
 from . import arguments
@@ -29,60 +31,21 @@ class HelpRow:
     module: str
     summary: str
     examples: tuple[str, ...]
+    arguments: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-COMMANDS: Final = (
-    HelpRow("demo", "commands.demo", "virtual hardware and daemon on this machine, ready to drive",
-            ("telerobot demo", "telerobot demo ur5e")),
-    HelpRow("serve", "commands.serve", "the daemon: runs a cell",
-            ("telerobot serve pa10", "telerobot serve my/cell.toml")),
-    HelpRow("rig", "commands.rig",
-            "the virtual hardware of a cell: physics, drives and sensors on CAN",
-            ("telerobot rig pa10",)),
-    HelpRow("vision", "commands.vision", "looks through the cell's cameras, and tells the daemon",
-            ("telerobot vision pa10_vision", "telerobot vision pa10_vision --pictures=out")),
-    HelpRow("scan", "commands.scan", "looks through the laser scanner, and tells of obstacles",
-            ("telerobot scan rover", "telerobot scan rover --seconds=60")),
-    HelpRow("simulate", "commands.simulate", "daemon and rig in one process, in virtual time",
-            ("telerobot simulate pa10", "telerobot simulate pa10 wall_push --json")),
-    HelpRow("plot", "recording.plot.cli", "pictures of a recorded run, or of several side by side",
-            ("telerobot plot run.mcap", "telerobot plot off.mcap on.mcap --out both.png")),
-    HelpRow("record", "recording.live",
-            "writes all that a running cell says and does, for viewers and for replay",
-            ("telerobot record pa10 --out=runs", "telerobot record pa10 --seconds=60")),
-    HelpRow("replay", "recording.replay",
-            "runs the control computation on a recorded run, and compares every output",
-            ("telerobot replay run.mcap", "telerobot replay run.mcap --until 12.5 --explain")),
-    HelpRow("export", "recording.export",
-            "a recorded run as arrays, parquet or a LeRobot data set",
-            ("telerobot export run.mcap --to=numpy", "telerobot export run.mcap --to=lerobot")),
-    HelpRow("drive", "commands.drive", "a remote operator in the terminal",
-            ("telerobot drive pa10", "telerobot drive pa10 pose_move")),
-    HelpRow("console", "recording.playback", "the operator's page in the browser",
-            ("telerobot console pa10", "telerobot console pa10 --listen=127.0.0.1:8090 --open",
-             "telerobot console RUN.mcap --open")),
-    HelpRow("init", "init.cli", "a cell for any arm, from its URDF alone",
-            ("telerobot init arm.urdf", "telerobot init arm.urdf --tip=flange --out my_cell.toml")),
-    HelpRow("check", "commands.check",
-            "judge a cell: timeouts, bus load, drives, stability, postures",
-            ("telerobot check pa10", "telerobot check my/cell.toml --bus",
-             "telerobot check my/cell.toml --profile=j1")),
-    HelpRow("identify", "identify.cli", "payload, sensor bias and mounting by a guided motion",
-            ("telerobot identify pa10", "telerobot identify pa10 --simulate --json")),
-    HelpRow("soak", "soak.cli", "hostile operators against a cell, in virtual time",
-            ("telerobot soak pa10", "telerobot soak my/cell.toml --seeds=0:100 --jobs=2")),
-    HelpRow("certify", "commands.certify",
-            "certificates: who may command, tell and listen on a network",
-            ("telerobot certify my/cell.toml", "telerobot certify my/cell.toml --operator=ann")),
-    HelpRow("service", "commands.service", "a systemd unit that runs the cell's daemon here",
-            ("telerobot service pa10", "telerobot service my/cell.toml --user robot --cpus 3")),
-    HelpRow("doctor", "commands.doctor", "is this machine fit: rights, timer, CAN, packages",
-            ("telerobot doctor", "telerobot doctor --json")),
-    HelpRow("completion", "commands.completion", "a shell's script that completes all of these",
-            ("telerobot completion bash > ~/.local/share/bash-completion/completions/telerobot",)),
-    HelpRow("bench", "bench.cli", "measure speed: control computation, SYNC, latency, simulation",
-            ("telerobot bench", "telerobot bench --quick --json bench.json")),
-)  # fmt: skip
+def _rows() -> tuple[HelpRow, ...]:
+    told = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    shared = told.pop("shared")
+    rows = []
+    for name, row in told.items():
+        takes = {key: how for group in row.get("takes", ()) for key, how in shared[group].items()}
+        own = takes | row.get("arguments", {})
+        rows.append(HelpRow(name, row["module"], row["summary"], tuple(row["examples"]), own))
+    return tuple(rows)
+
+
+COMMANDS: Final = _rows()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -171,8 +134,12 @@ def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if c in loaded:
+            arguments.add(sub, c.arguments)
             own = getattr(arguments, c.name, None)
-            (own or _module(c).add_arguments)(sub)
+            if own is not None:
+                own(sub)
+            elif not c.arguments:
+                _module(c).add_arguments(sub)
             sub.set_defaults(run=partial(_imported, c))
     return parser
 

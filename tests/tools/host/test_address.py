@@ -1,18 +1,14 @@
-import argparse
-
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.tools.arguments import cell_and_address
-from telerobot.tools.cli import main
+from telerobot.tools.cli import COMMANDS, build_parser, main
 from telerobot.tools.host.address import cell_from, moved, options
 from telerobot.tools.host.local_plant import private
 
 
 def parse(*argv, bus=True):
-    parser = argparse.ArgumentParser()
-    cell_and_address(parser, bus)
-    return cell_from(parser.parse_args(argv))
+    parser = build_parser([c for c in COMMANDS if c.name in ("rig", "drive")])
+    return cell_from(parser.parse_args(["rig" if bus else "drive", *argv]))
 
 
 def test_without_options_a_cell_is_what_its_file_says():
