@@ -69,7 +69,8 @@ test: venv ## The quick tests in parallel, then a few with processes and in the 
 
 test-all: venv ## All tests: in parallel, then those that start processes, then the browser's
 	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
-	@$(BIN)/pytest -q -m hil
+	@$(BIN)/pytest -q -m "hil and not alone" -n $(JOBS)
+	@$(BIN)/pytest -q -m "hil and alone"
 	@$(BIN)/pytest -q -m browser
 
 durations: venv ## Measure what each test costs, and write down which are slow

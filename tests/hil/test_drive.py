@@ -178,6 +178,7 @@ def test_held_keys_insert_and_withdraw_a_snake_of_thirty_drives_on_two_buses(
     assert plant.truth.contact_force == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.alone
 def test_held_keys_drive_a_rover_to_a_bridge_where_its_arm_folds_by_itself(
     make_plant, open_terminal, tmp_path
 ):

@@ -19,7 +19,7 @@ MOST = 60_000
 NOISE = 5
 """Overruns that a machine with other work may have in one flood and not in another [1]."""
 
-pytestmark = pytest.mark.hil
+pytestmark = [pytest.mark.hil, pytest.mark.alone]
 
 
 def resident_mb(process):

@@ -13,7 +13,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.messages.perception import RigMotion
 from telerobot.server.control.spatial import Pose, rotation_log
 
-pytestmark = pytest.mark.hil
+pytestmark = [pytest.mark.hil, pytest.mark.alone]
 
 ABOVE = [0.0, 0.0, 0.05]
 """Of the Carrier; the tool points down to it [m]."""

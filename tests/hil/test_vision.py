@@ -10,7 +10,7 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.messages.perception import RigMotion
 from telerobot.tools.simulation.judges import ViewJudge
 
-pytestmark = [pytest.mark.hil, pytest.mark.usefixtures("rendering")]
+pytestmark = [pytest.mark.hil, pytest.mark.alone, pytest.mark.usefixtures("rendering")]
 
 TELEROBOT = [sys.executable, "-m", "telerobot.tools.cli"]
 

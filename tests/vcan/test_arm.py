@@ -10,7 +10,7 @@ import can
 import pytest
 from telerobot.config.load import load_cell
 
-pytestmark = pytest.mark.hil
+pytestmark = [pytest.mark.hil, pytest.mark.alone]
 
 BURST, BURSTS = 1500, 20
 UP = [0.0, 0.0, 0.03, 0.0, 0.0, 0.0]

@@ -12,7 +12,7 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.wire import Wire
 
-pytestmark = pytest.mark.hil  # one after the other: the interface goes down in one of them
+pytestmark = [pytest.mark.hil, pytest.mark.alone]  # the interface goes down in one of them
 
 KERNEL = BusSection(interface="socketcan", channel="vcan0")
 FLOOD = 5000

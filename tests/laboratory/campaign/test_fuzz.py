@@ -36,6 +36,7 @@ def test_wild_input_raises_nothing_breaks_no_bound_and_faults_no_arm(what, seed)
 
 
 @pytest.mark.hil
+@pytest.mark.alone
 def test_a_stranger_on_the_wire_moves_nobody_who_drives():
     outcome = wire.play(0)
     assert outcome.inputs["messages on the wire"] > 1000
