@@ -13,7 +13,7 @@ from telerobot.tools.bench import cli, tick
 from telerobot.tools.bench.figures import Figures
 from telerobot.tools.cli import run_alone
 
-from . import fit, rover
+from . import fit, held, rover
 from .against import compare
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
 from .load import OBSTACLES, among
@@ -31,6 +31,7 @@ BENCHES: Final[cli.Benches] = {
         lambda cell, quick: arms(cell, *((QUICK_TICKS, 1) if quick else (TICKS, ROUNDS))),
         ("pa10",),
     ),
+    "held": (held.bench, ("pa10",)),
     "fit": (fit.bench, ("snake",)),
     "page": (page.bench, ("pa10",)),
     "rover": (rover.bench, ("rover_bridge",)),

@@ -45,29 +45,40 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
             continue  # what came before the measurement
         command = [sys.executable, "-m", f"{__package__}.bare", str(period_s), str(seconds)]
         bare = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        children = {"daemon": plant.local.daemon, "rig": plant.local.rig}
-        pids = {f"{name}_cpu_us": child.pid for name, child in children.items() if child}
-        before = {name: cpu_s(pid) for name, pid in pids.items()}
         try:
-            stamps = _sway(plant, seconds)
-            taken = {name: cpu_s(pid) - before[name] for name, pid in pids.items()}
+            stamps, held = moving(plant, seconds)
             output, _ = bare.communicate(timeout=seconds + 30.0)
         finally:
             if bare.poll() is None:
                 bare.kill()
                 bare.wait()
-        overruns = plant.operator.wait_state().overruns
     gaps = np.diff(np.array(stamps))
     ours = percentiles(1e6 * np.abs(gaps - period_s))
     bare_us = percentiles(np.array([float(word) for word in output.split()]))
     return {
         "syncs": len(stamps),
-        "overruns": overruns,
         "period_error_us": ours,
         "bare_error_us": bare_us,
         "ratio_p99": round(ours["p99"] / bare_us["p99"], 2) if bare_us["p99"] else math.nan,
-        **{name: round(1e6 * each * period_s / seconds, 1) for name, each in taken.items()},
+        **held,
     }
+
+
+def moving(plant: EnabledPlant, seconds: float) -> tuple[list[float], Figures]:
+    """Drive the arm to and fro; return the stamps of SYNC [s], and what it cost meanwhile.
+
+    That is overruns, and the processor time that daemon and rig took a period [µs].
+    """
+    children = {"daemon": plant.local.daemon, "rig": plant.local.rig}
+    pids = {f"{name}_cpu_us": child.pid for name, child in children.items() if child}
+    before = {name: cpu_s(pid) for name, pid in pids.items()}
+    overruns = plant.operator.wait_state().overruns
+    stamps = _sway(plant, seconds)
+    periods = seconds / plant.cell.config.timing.period_s
+    found: Figures = {"overruns": plant.operator.wait_state().overruns - overruns}
+    for name, pid in pids.items():
+        found[name] = round(1e6 * (cpu_s(pid) - before[name]) / periods, 1)
+    return stamps, found
 
 
 def _sway(plant: EnabledPlant, seconds: float) -> list[float]:
