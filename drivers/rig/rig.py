@@ -7,11 +7,13 @@ import math
 from collections import deque
 from collections.abc import Callable
 from importlib import import_module
+from typing import Final
 
 import can
 
 from ...config.load import Cell
 from ...config.schema.bus import Entry
+from ...protocols.canopen.cia402 import DriveState
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import FARTHEST, ArmTruth, BeamTruth, RigFault, RigTruth, vector_of
@@ -31,6 +33,7 @@ from .physics.scene import prefixes, turned_by
 from .physics.sensors import KINDS, Tags
 from .physics.world import Vector, World
 
+_STATE_NAMES: Final = {state: state.name.lower() for state in DriveState}
 SYNC_STAMPS = 1 << 16
 """So many of the newest SYNC stamps are kept [1]."""
 
@@ -199,7 +202,7 @@ class Rig:
             pose_mrf=first.pose_mrf,
             contact_force=first.contact_force,
             clearance_m=self.world.distances.clearance(),
-            drives=tuple(node.state.name.lower() for node in self.drives.values()),
+            drives=tuple([_STATE_NAMES[node.state] for node in self.drives.values()]),
             tags=self.tags.poses,
             sight=self._sight.clearances(self.tags.poses),
             covered=self.tags.covered,

@@ -147,9 +147,10 @@ class ToolJudge:
         self._master: tuple[Array, Frame] | None = None
         """Twist (6,) of the master's handle, and in whose axes."""
         self._clutch: dict[str, float] = {"engaged": 0.0, "translation": 1.0, "rotation": 1.0}
-        self._errors: deque[tuple[float, float] | None] = deque(
+        self._late: deque[tuple[RigTruth, _Mount | None, Pose]] = deque(
             maxlen=round(JUDGED_S / self._period_s)
         )
+        """The newest truths, each with its target and where the goal is in Wrist."""
 
     def on_step(self, step: Step, truth: RigTruth) -> None:
         """Take in a step of the script when it is played, with the truth of then."""
@@ -179,18 +180,21 @@ class ToolJudge:
         """Take in the truth after a tick."""
         if self._clutch["engaged"] and self._master is not None:
             self._lead(truth, *self._master)
-        if self._target is None:
-            self._errors.append(None)
-            return
-        T_world_target = self._ground(truth, self._target.on) @ self._target.T
-        T_world_goal = self._wrist(truth) @ self._T_wrist_goal
-        self._errors.append(sizes(pose_error(T_world_target, T_world_goal)))
+        self._late.append((truth, self._target, self._T_wrist_goal))
 
     @property
     def error(self) -> tuple[float, float] | None:
         """Largest distance [m] and angle [rad] of late; None without a target all along."""
-        judged = [error for error in self._errors if error is not None]
-        if len(judged) != self._errors.maxlen:
+        judged = [
+            sizes(
+                pose_error(
+                    self._ground(truth, target.on) @ target.T, self._wrist(truth) @ T_wrist_goal
+                )
+            )
+            for truth, target, T_wrist_goal in self._late
+            if target is not None
+        ]
+        if len(judged) != self._late.maxlen:
             return None
         return max(e[0] for e in judged), max(e[1] for e in judged)
 

@@ -1,5 +1,7 @@
 """Simulated sensors: a Robotous force/torque sensor, an inertial unit, a SICK LMS111 scanner."""
 
+import math
+import operator
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -56,7 +58,6 @@ def response(cross_talk: float, rng: np.random.Generator) -> NDArray[np.float64]
 # reports an overload.
 
 _EPSILON_S = 1e-7
-_AXIS_BITS: Final = 1 << np.arange(6)
 
 
 class SimulatedForceTorque:
@@ -88,8 +89,8 @@ class SimulatedForceTorque:
         self._noise = np.array(truth.noise)
         self._bias = np.array(truth.bias)
         self._response = response(truth.cross_talk, response_rng)
-        self._range = np.array(config.measuring_range)
-        self._offset = np.zeros(6)
+        self._range = tuple(config.measuring_range)
+        self._offset = [0.0] * 6
         self._period_s = 1.0 / config.rate_hz
         self.due_s = float("inf")
         """When the next sample is due [s]."""
@@ -111,7 +112,7 @@ class SimulatedForceTorque:
 
     def boot(self) -> None:
         """Power on: it is silent until it is told to start."""
-        self.due_s, self._offset, self._last = float("inf"), np.zeros(6), None
+        self.due_s, self._offset, self._last = float("inf"), [0.0] * 6, None
 
     def inject(self, fault: RigFault) -> None:
         """Freeze the sample. Raises `ValueError` for other faults."""
@@ -136,7 +137,7 @@ class SimulatedForceTorque:
         elif command is SensorCommand.STOP:
             self.due_s = float("inf")
         elif command is SensorCommand.SET_BIAS:
-            self._offset = self._reading() if parameter else np.zeros(6)
+            self._offset = self._reading().tolist() if parameter else [0.0] * 6
         elif command is SensorCommand.SET_RATE and self.due_s == float("inf"):
             rates = {code: rate for rate, code in robotous.RATE_CODES.items()}
             self._period_s = 1.0 / rates.get(parameter, 200)
@@ -149,11 +150,14 @@ class SimulatedForceTorque:
         if self._mute:
             return
         if not self._frozen or self._last is None:
-            reading = self._reading() + self._rng.standard_normal(6) * self._noise
-            held = np.minimum(np.maximum(reading, -self._range), self._range)
-            # One bit for each axis; nobody reads more of it than whether it is zero.
-            overload = int((held != reading) @ _AXIS_BITS)
-            x, y, z, mx, my, mz = (held - self._offset).tolist()
+            noisy = self._reading() + self._rng.standard_normal(6) * self._noise
+            reading, overload = noisy.tolist(), 0
+            for axis, most in enumerate(self._range):
+                if abs(reading[axis]) > most:
+                    reading[axis] = math.copysign(most, reading[axis])
+                    # One bit for each axis; nobody reads more of it than whether it is zero.
+                    overload |= 1 << axis
+            x, y, z, mx, my, mz = map(operator.sub, reading, self._offset)
             sample = robotous.Sample((x, y, z), (mx, my, mz), overload, 0)
             self._last = robotous.encode_sample(sample)
         for can_id, half in zip(self._reply_ids, self._last, strict=True):

@@ -114,24 +114,25 @@ class WorldDistances:
 
         A tool's ball at the wall is a push, and no clearance.
         """
-        if self._pushes.all():
+        clear = self._clear
+        if not len(clear):
             return None
         mujoco.mj_kinematics(self._model, self._data)
-        bound = self._bounds_of_fixed()
-        bound[self._pushes] = np.inf
-        fromto = np.zeros(6)
-        found = TrueNearest(1.0, np.zeros(3), np.zeros(3), "")
+        bound = self._bounds_of_fixed()[clear]
+        order = bound.argsort(kind="stable")
+        fromto, points, least, nearest = np.zeros(6), np.zeros(6), 1.0, -1
         # Lower bounds tell which pairs can be the nearest at all.
-        for i in np.argsort(bound, kind="stable"):
-            if bound[i] >= found.distance:
+        for low, (arm, fixed) in zip(
+            bound[order].tolist(), self._pairs[clear[order]].tolist(), strict=True
+        ):
+            if low >= least:
                 break
-            arm, fixed = (int(g) for g in self._pairs[i])
-            least = found.distance
             distance = mujoco.mj_geomDistance(self._model, self._data, arm, fixed, least, fromto)
             if distance < least:
-                name = self._body_of[fixed]
-                found = TrueNearest(float(distance), fromto[:3].copy(), fromto[3:].copy(), name)
-        return found
+                least, nearest = distance, fixed
+                points[:] = fromto
+        name = self._body_of[nearest] if nearest >= 0 else ""
+        return TrueNearest(least, points[:3], points[3:], name)
 
     def gaps(self, within: float) -> Vector:
         """Return the distances (k,) of parts of arm and tool from wall, boxes and obstacles [m].
@@ -193,13 +194,13 @@ class WorldDistances:
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @cached_property
-    def _pushes(self) -> NDArray[np.bool_]:
-        """Which of `_pairs` (k,) are a tool's ball and the wall, which is there to be pushed."""
+    def _clear(self) -> NDArray[np.int64]:
+        """Which of `_pairs` are none of a tool's ball and the wall, which is there to be pushed."""
         names = [self._model.geom(g).name for g in range(self._model.ngeom)]
-        return np.array(
-            [names[a].endswith(TOOL_BALL) and names[f] == WALL for a, f in self._pairs.tolist()],
-            dtype=bool,
-        )
+        pushes = [
+            names[a].endswith(TOOL_BALL) and names[f] == WALL for a, f in self._pairs.tolist()
+        ]
+        return np.flatnonzero(np.logical_not(pushes))
 
     @cached_property
     def _arm_pairs(self) -> NDArray[np.int64]:
