@@ -97,6 +97,13 @@ class LoopbackBus(UdpMulticastBus):
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
 
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Return the next frame, None when none came in time [s].
+
+        Raises `can.CanOperationError`. Without filters nothing is looked at twice.
+        """
+        return super().recv(timeout) if self._filters else self._recv_internal(timeout)[0]
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         deadline = None if timeout is None else time.monotonic() + timeout
         try:

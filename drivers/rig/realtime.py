@@ -1,8 +1,10 @@
 """The rig at the pace of the wall clock, for a daemon in another process.
 
-Physics follows the bus: what a SYNC finds is the state of the instant at which it was sent, however
-late this process comes to see it, so that samples and setpoints keep their spacing in physics time.
-More time that was lost without a SYNC is skipped and counted, never made up in a burst.
+Physics follows the bus: what a frame finds is the state of the instant at which it was sent,
+however late this process comes to see it, so that samples and setpoints keep their spacing in
+physics time. Between frames it sleeps until a node has something to send, and makes the steps up to
+then at once: waking up costs more than a step. More time that was lost is skipped and counted,
+never made up in a burst.
 """
 
 import time
@@ -12,14 +14,15 @@ from typing import Protocol
 
 import can
 
-from ...protocols.canopen.can301 import SYNC_ID
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01
 LATE_PERIODS = 2
-"""Lateness of so many SYNC periods is made up when no SYNC waits, more is skipped [1]."""
+"""Lateness of so many SYNC periods is made up when no frame waits, more is skipped [1]."""
+MOST_ASLEEP_S = 0.005
+"""Faults and the order to end are looked for at least so often [s]."""
 MOST_PERIODS = 5
 """No more is made up for a SYNC; a frame that seems older has just come [SYNC periods]."""
 
@@ -59,31 +62,40 @@ def run_realtime(
     *,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
+    wait: Callable[[Rig, float], None] = Rig.wait,
     stamping: Callable[[], float] = time.time,
     tell: Callable[[str], None] | None = None,
 ) -> Pace:
     """Run the rig until `stop()`, one physics step per `rig.dt` of `clock` [s].
 
+    `wait` blocks until a frame may have come, for so long at most [s]; after frames others follow,
+    for which it `sleep`s a physics step.
     `stamping` is the clock of the stamps of the bus [s]; stamps of another one are no use.
     `tell` is told, in one line, why a fault was not injected, and of a node that somebody else
     sends for, which ends nothing: whoever is fooled by it is to notice.
     """
     pace = Pace()
-    deadline = clock()
+
+    def gather(_rig: Rig, seconds: float) -> None:
+        sleep(min(seconds, rig.dt))
+
+    deadline = wake_s = clock()
     next_truth_s = rig.time_s
-    while not stop():
+    while True:
+        asleep = wait
         while (heard := rig.receive()) is not None:
             wire, message = heard
+            asleep = gather
             sent_s = clock() - _age(message, rig, stamping)
-            if message.arbitration_id == SYNC_ID:
-                deadline = _catch_up(rig, pace, deadline, sent_s)
+            deadline = _catch_up(rig, pace, deadline, sent_s)
             rig.handle(wire, message, min(max(sent_s - deadline, -rig.dt), rig.dt))
             if wire.stranger is not None:
                 pace.foreign += 1
                 if tell is not None:
                     tell(f"another node {wire.stranger} is on {wire.name}: does a second rig run?")
                 wire.stranger = None
-        late = clock() - deadline
+        now_s = clock()
+        late = now_s - max(wake_s, deadline)
         if late > LATE_PERIODS * rig.period_s:
             missed = int(late / rig.dt)
             pace.skipped += missed
@@ -91,14 +103,17 @@ def run_realtime(
         if judge is not None:
             for fault in judge.faults():
                 _inject(rig, fault, pace, tell)
-        rig.step()
-        pace.steps += 1
-        if judge is not None and rig.time_s >= next_truth_s and judge.heard:
-            judge.publish(rig.truth())
-            next_truth_s = rig.time_s + TRUTH_PERIOD_S - rig.dt / 2
-        deadline += rig.dt
-        sleep(max(0.0, deadline - clock()))
-    return pace
+        while deadline <= now_s:
+            rig.step()
+            pace.steps += 1
+            deadline += rig.dt
+            if judge is not None and rig.time_s >= next_truth_s and judge.heard:
+                judge.publish(rig.truth())
+                next_truth_s = rig.time_s + TRUTH_PERIOD_S - rig.dt / 2
+        wake_s = deadline + min(max(rig.due_s - rig.time_s, 0.0), MOST_ASLEEP_S)
+        if stop():
+            return pace
+        asleep(rig, max(0.0, wake_s - clock()))
 
 
 def _age(message: can.Message, rig: Rig, stamping: Callable[[], float]) -> float:

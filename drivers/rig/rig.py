@@ -4,6 +4,8 @@ It meets the daemon on the bus and nowhere else. Time is the physics' own: `step
 """
 
 import math
+import select
+import time
 from collections import deque
 from collections.abc import Callable
 from importlib import import_module
@@ -102,6 +104,25 @@ class Rig:
         """Handle every frame that waits on a bus."""
         while (heard := self.receive()) is not None:
             self.handle(*heard)
+
+    @property
+    def due_s(self) -> float:
+        """Physics time until which nothing is sent that no frame asks for [s]."""
+        if self.scanner is not None:
+            return self.time_s
+        late = [link.late[0][0] for link in self._links if link.late]
+        return min(*late, *(node.due_s for node in self.nodes.values()))
+
+    def wait(self, seconds: float) -> None:
+        """Block until a frame may have come, for so long at most [s].
+
+        Where a bus has nothing to select on, for a physics step at most.
+        """
+        descriptors = [wire.descriptor for wire in self._wires]
+        if -1 in descriptors:
+            time.sleep(min(seconds, self.dt))
+        else:
+            select.select(descriptors, [], [], seconds)
 
     def receive(self) -> tuple[Wire, can.Message] | None:
         """Return the oldest frame that waits, and its bus; None when there is none."""

@@ -50,6 +50,14 @@ class Wire:
             self.lost += 1  # hardware speaks to nobody, and goes on
 
     @property
+    def descriptor(self) -> int:
+        """Descriptor of the bus to select on, -1 where the interface has none."""
+        try:
+            return self._bus.fileno()
+        except NotImplementedError:
+            return -1
+
+    @property
     def stamp(self) -> float | None:
         """Stamp of the next data frame that waits on the bus [s], None when there is none."""
         if self._next is None:

@@ -29,6 +29,11 @@ class Clock:
         self.time_s += seconds
 
 
+def waiting(sleep: Callable[[float], None]) -> Callable[[object, float], None]:
+    """Wait for frames as one who is not woken up by any."""
+    return lambda _rig, seconds: sleep(seconds)
+
+
 class Listener:
     """Collects truths; has faults to inject."""
 
@@ -60,7 +65,12 @@ def _frame(can_id: int, data: bytes = b"") -> can.Message:
 
 def run(master: Master, clock: Clock, seconds: float, judge: Listener | None = None) -> Pace:
     return run_realtime(
-        master.rig, after(clock, seconds), judge, clock=clock.now, sleep=clock.sleep
+        master.rig,
+        after(clock, seconds),
+        judge,
+        clock=clock.now,
+        sleep=clock.sleep,
+        wait=waiting(clock.sleep),
     )
 
 
@@ -79,8 +89,15 @@ def test_lost_time_is_skipped_and_counted(master: Master) -> None:
     def stall_once(seconds: float) -> None:
         clock.time_s += 0.3 if next(steps) == 10 else seconds
 
-    pace = run_realtime(master.rig, after(clock, 0.5), None, clock=clock.now, sleep=stall_once)
-    assert 295 <= pace.skipped <= 300
+    pace = run_realtime(
+        master.rig,
+        after(clock, 0.5),
+        None,
+        clock=clock.now,
+        sleep=stall_once,
+        wait=waiting(stall_once),
+    )
+    assert 290 <= pace.skipped <= 300
     assert 0.19 < master.rig.time_s - before < 0.21
 
 
@@ -92,9 +109,46 @@ def test_a_stall_between_two_syncs_is_made_up(master: Master) -> None:
     def stall_once(seconds: float) -> None:
         clock.time_s += 0.009 if next(steps) == 10 else seconds
 
-    pace = run_realtime(master.rig, after(clock, 0.1), None, clock=clock.now, sleep=stall_once)
+    pace = run_realtime(
+        master.rig,
+        after(clock, 0.1),
+        None,
+        clock=clock.now,
+        sleep=stall_once,
+        wait=waiting(stall_once),
+    )
     assert pace.skipped == 0
     assert abs(master.rig.time_s - 0.1) < 2e-3
+
+
+def test_the_rig_sleeps_until_a_node_has_something_to_send_and_sends_it_then(
+    master: Master,
+) -> None:
+    """Waking up costs more than a physics step."""
+    clock, slept = Clock(), list[float]()
+
+    def wait(seconds: float) -> None:
+        slept.append(seconds)
+        master.bus.hub.time_s = clock.time_s = clock.time_s + seconds
+
+    beat_ms = 32
+    master.write("s1", can301.CommunicationObject.PRODUCER_HEARTBEAT, 0, "<H", beat_ms)
+    begun_s = clock.time_s
+    run_realtime(
+        master.rig,
+        after(clock, 1.0),
+        clock=clock.now,
+        sleep=clock.sleep,
+        wait=waiting(wait),
+        stamping=clock.now,
+    )
+    beats = []
+    while (message := master.bus.recv(0)) is not None:
+        assert message.arbitration_id == can301.heartbeat_id(master.node("s1"))
+        beats.append(message.timestamp - begun_s)
+    np.testing.assert_allclose(np.diff(beats), beat_ms * 1e-3, atol=1.01 * master.rig.dt)
+    assert len(beats) == 31
+    assert len(slept) < 250
 
 
 class Bus:
@@ -129,6 +183,7 @@ class Bus:
             lambda: clock.time_s >= until_s,
             clock=clock.now,
             sleep=self.sleep,
+            wait=waiting(self.sleep),
             stamping=clock.now,
         )
 
@@ -184,9 +239,14 @@ def test_no_heartbeat_in_a_nodes_name_ends_the_rig(master: Master) -> None:
         for data in (b"", b"\x00", b"\x05", bytes(8)):
             master.bus.send(_frame(can_id, data))
     pace = run_realtime(
-        master.rig, after(clock, 0.2), clock=clock.now, sleep=clock.sleep, tell=told.append
+        master.rig,
+        after(clock, 0.2),
+        clock=clock.now,
+        sleep=clock.sleep,
+        wait=waiting(clock.sleep),
+        tell=told.append,
     )
-    assert abs(master.rig.time_s - 0.2) < 2e-3
+    assert abs(master.rig.time_s - (clock.time_s - 100.0)) < 2e-3
     assert pace.foreign == len(told) == 4 * (len(master.drives) + 2)
     assert told[-1] == "another node 3 is on bus: does a second rig run?"
 
