@@ -1,7 +1,7 @@
 """Checks of drives: bounds, resolution, enabling, load, torque, and how they follow."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -9,17 +9,22 @@ from ...config.load import Cell
 from ...config.schema.mechanism import (
     DifferentialBaseSection,
     DriveSection,
-    ForceTorqueSection,
     PayloadSection,
 )
 from ...config.urdf.robot import UrdfJoint
 from ...drivers.canopen.servo_setup import SAG, Setpoint
 from ...drivers.device import MOST_MISSED_SYNCS, SWITCH_OFF_S
 from ...protocols.canopen.cia402 import HALF, SPAN, OperationMode
-from ...protocols.canopen.robotous import AXES
-from ...server.control.mechanism.model import Dynamics, Mechanism
-from ...server.control.spatial import GRAVITY, Array, Pose, skew
+from ...server.control.mechanism.model import Mechanism
 from ...server.stability.judgement import PayloadBounds, payload_words
+from ...server.stability.loads import (
+    Used,
+    dynamics_of,
+    most_torques,
+    reading,
+    sensor_up,
+    weight_map,
+)
 from ...server.stability.loops import RATIOS, ForceLoop, delays, spectral_radius, stiffest_hand
 from .findings import Finding, Severity, graded
 
@@ -207,7 +212,11 @@ def holding(cell: Cell) -> Iterator[Finding]:
     if sensor is not None:
         at = {name: sensor_up(cell, np.array(q)) for name, q in section.postures.items()}
         found = [
-            reading_finding(f"reading with {load}", sensor, weight_map(payload), at)
+            reading_finding(
+                f"reading with {load}",
+                reading(sensor, weight_map(payload), at),
+                reading(sensor, weight_map(payload), {}),
+            )
             for load, payload in payloads.items()
             if payload is not None
         ]
@@ -216,66 +225,20 @@ def holding(cell: Cell) -> Iterator[Finding]:
         yield from (f for i, f in enumerate(found) if i == 0 or f.status is not Severity.OK)
 
 
-def dynamics_of(cell: Cell) -> Dynamics:
-    """Return the dynamics of one arm, with the links of the URDF for its tool."""
-    mechanism, sensor = Mechanism.from_cell(cell), cell.config.mechanism.force_torque
-    rotors = np.array([drive.rotor_inertia for drive in cell.config.mechanism.drives])
-    return Dynamics(mechanism, rotors, None if sensor is None else placed(sensor))
-
-
-def most_torques(cell: Cell) -> Array:
-    """Return what each joint's motor has (n,) [N·m]."""
-    return np.array([drive.max_torque for drive in cell.config.mechanism.drives])
-
-
-def placed(sensor: ForceTorqueSection) -> Pose:
-    """Return where a sensor is in the Wrist."""
-    return Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy)
-
-
-def sensor_up(cell: Cell, q: Array) -> Array:
-    """Return the vertical (3,) in the axes of the arm's sensor at q (n,)."""
-    R_wrist_sensor = Pose.identity().R
-    if cell.config.mechanism.force_torque is not None:
-        R_wrist_sensor = placed(cell.config.mechanism.force_torque).R
-    up: Array = (Mechanism.from_cell(cell).pose_wrist(q).R @ R_wrist_sensor)[2]
-    return up
-
-
-def weight_map(payload: PayloadSection) -> Array:
-    """Return (6, 3): the wrench [N, N·m] that holds a payload, of the vertical in Sensor axes."""
-    weight = -payload.mass * float(GRAVITY[2])
-    return np.vstack([weight * np.eye(3), weight * skew(np.array(payload.com))])
-
-
-def reading_finding(
-    check: str, sensor: ForceTorqueSection, held: Array, at: Mapping[str, Array]
-) -> Finding:
+def reading_finding(check: str, found: Used, turned: Used) -> Finding:
     """Judge what a sensor reads of a load against its measuring range.
 
-    `held` (6, 3) is the wrench that holds it, of the vertical in Sensor axes, which `at` has by the
-    names of postures.
+    At the postures that the cell has, and `turned` to whichever attitude it takes most.
     """
-    reading_of = np.eye(6)
-    if sensor.calibration is not None:
-        reading_of = np.linalg.inv(np.array(sensor.calibration))
-    bias, most = np.abs(sensor.bias), np.array(sensor.measuring_range)
-    share, axis, where = 0.0, 0, ""
-    for name, up in at.items():
-        used = (np.abs(reading_of @ held @ up) + bias) / most
-        if used.max() >= share:
-            share, axis, where = float(used.max()), int(used.argmax()), f"at {name}"
-    status = graded(share, ROOM, 1.0)
-    turned = (np.linalg.norm(reading_of @ held, axis=1) + bias) / most
-    if turned.max() > 1.0 and status is not Severity.ERROR:
-        status, where = Severity.WARN, "at some attitude"
-        share, axis = float(turned.max()), int(turned.argmax())
-    unit = "N" if axis < 3 else "N·m"
+    status = graded(found.share, ROOM, 1.0)
+    if turned.share > 1.0 and status is not Severity.ERROR:
+        status, found = Severity.WARN, turned
     return Finding(
         check,
         status,
-        f"{AXES[axis]} reads {share * most[axis]:.3g} of {most[axis]:.4g} {unit} {where}",
-        {"share": share, "axis": AXES[axis], "range": float(most[axis])},
+        f"{found.part} reads {found.share * found.most:.3g} of {found.most:.4g} {found.unit} "
+        f"{found.where}",
+        {"share": found.share, "axis": found.part, "range": found.most},
     )
 
 

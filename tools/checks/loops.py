@@ -1,37 +1,27 @@
 """Checks of the loops' stability: sources, tasks of several arms, force reflection."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from ...config.consistency import REQUIRED_POSTURES
 from ...config.load import Cell, grasp_part
 from ...config.schema.joint_task import JointTaskSection
 from ...config.schema.network import ReflectionSection
-from ...config.schema.section import PoseSection, Vector6
+from ...config.schema.section import Vector6
 from ...protocols.topics import KEEPALIVE
 from ...server.control.arm import Arm
 from ...server.control.grasps.load_shares import load_shares
 from ...server.control.grasps.views import mean_of
 from ...server.control.joint_task.forces import Moving, weight_of
 from ...server.control.joint_task.joint_task import FIT_M, JointTask
-from ...server.control.mechanism.model import Mechanism
-from ...server.control.spatial import GRAVITY, Array, Pose, rotate_twist, wrench_to
+from ...server.control.spatial import Array, Pose, rotate_twist
 from ...server.reflection import pose_stiffness
 from ...server.stability.judgement import PayloadBounds, error_delay_periods, payload_words
+from ...server.stability.loads import SharedLoad
 from ...server.stability.loops import ForceLoop, bound
 from ..client.reflection import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick
-from .drives import (
-    ROOM,
-    dynamics_of,
-    most_torques,
-    payloads,
-    placed,
-    reading_finding,
-    sensor_up,
-    weight_map,
-)
+from .drives import ROOM, payloads, reading_finding
 from .findings import Finding, Severity, Value, graded
 
 # --- Check of the gains against the stiffest environment, with the loop's delay -------------------
@@ -289,81 +279,28 @@ def _moving(
 
 
 def _load(cell: Cell, section: JointTaskSection) -> Iterator[Finding]:
-    """Judge what each arm bears of the payload: its weight, its joints' torques, its sensor.
-
-    At the postures that all arms have by one name, as the shares are there.
-    """
+    """Judge what each arm bears of the payload: its weight, its joints' torques, its sensor."""
     by = {part.config.mechanism.name: part for part in cell.parts}
     parts = [by[name] for name in section.by]
-    tools, views = (
-        _poses([part.config.mechanism.T_wrist_mrf for part in parts]),
-        _poses(section.T_wrist_mrf),
-    )
-    grasps = [view.inverse() @ tool for view, tool in zip(views, tools, strict=True)]
     weights = np.array(section.shares or [(1.0,) * 6] * len(parts))
-    weight = weight_map(section.payload)
-    p = np.array([grasp.p for grasp in grasps])
-    # Of a unit vertical along each axis of the MRF: (3, k, 6).
-    shares = np.array([load_shares(p, weights, column) for column in weight.T])
-    for i, part in enumerate(parts):
-        name, mechanism = f"{section.name}.{section.by[i]}", part.config.mechanism
-        postures = {key: np.array(mechanism.postures[key]) for key in REQUIRED_POSTURES}
-        wrist = Mechanism.from_cell(part)
-        ups = {key: (wrist.pose_wrist(q).R @ views[i].R)[2] for key, q in postures.items()}
-        share = shares[:, i].T
-        yield from _weight(name, mechanism.rated_payload, share, ups["start"])
-        in_tool = np.array([rotate_twist(grasps[i].R.T, column) for column in share.T]).T
-        yield _torque(name, part, postures, ups, in_tool)
-        sensor = mechanism.force_torque
-        if sensor is None:
-            continue
-        T_sensor_tool, R_mrf_sensor = (
-            placed(sensor).inverse() @ tools[i],
-            views[i].R.T @ (placed(sensor).R),
+    for part, load in zip(parts, SharedLoad(section, parts).borne(weights), strict=True):
+        name, mechanism = f"{section.name}.{part.config.mechanism.name}", part.config.mechanism
+        rated = mechanism.rated_payload
+        if rated is not None:
+            mass = load.payload.share * rated
+            yield Finding(
+                f"{name}.payload",
+                Severity.OK if mass <= rated else Severity.ERROR,
+                f"its share is {mass:.3g} kg, it is rated for {rated:g} kg",
+                {"mass_kg": mass, "rated_kg": rated},
+            )
+        held = load.holding
+        yield Finding(
+            f"{name}.holding",
+            graded(held.share, ROOM, 1.0),
+            f"with its share {held.part} takes {held.share * held.most:.3g} of {held.most:g} "
+            f"N·m {held.where}",
+            {"share": held.share, "joint": held.part},
         )
-        at_sensor = np.array([wrench_to(T_sensor_tool, column) for column in in_tool.T]).T
-        held = at_sensor @ R_mrf_sensor + weight_map(sensor.payload)
-        at = {key: sensor_up(part, q) for key, q in postures.items()}
-        yield reading_finding(f"{name}.reading", sensor, held, at)
-
-
-def _poses(sections: Sequence[PoseSection]) -> list[Pose]:
-    return [Pose.from_xyz_rpy(T.xyz, T.rpy) for T in sections]
-
-
-def _weight(name: str, rated: float | None, share: Array, up: Array) -> Iterator[Finding]:
-    """Judge the mass that an arm bears against its rating; `share` (6, 3) is of the vertical."""
-    if rated is None:
-        return
-    mass = float(up @ share[:3] @ up) / -float(GRAVITY[2])
-    yield Finding(
-        f"{name}.payload",
-        Severity.OK if mass <= rated else Severity.ERROR,
-        f"its share is {mass:.3g} kg, it is rated for {rated:g} kg",
-        {"mass_kg": mass, "rated_kg": rated},
-    )
-
-
-def _torque(
-    name: str, part: Cell, postures: dict[str, Array], ups: dict[str, Array], share: Array
-) -> Finding:
-    """Judge the torques that hold an arm with its `share` (6, 3), at and in its own MRF."""
-    mechanism, dynamics, most = part.config.mechanism, dynamics_of(part), most_torques(part)
-    if mechanism.force_torque is not None:
-        payload = mechanism.force_torque.payload
-        dynamics.carry(payload.mass, np.array(payload.com))
-    model = Mechanism.from_cell(part)
-    (tool,) = _poses([mechanism.T_wrist_mrf])
-    worst, j, at = 0.0, 0, ""
-    for key, q in postures.items():
-        k = model.kinematics(q, tool)
-        wrench = rotate_twist(k.T_world_mrf.R, share @ ups[key])
-        used = np.abs(dynamics.bias(q, np.zeros(model.n)) + k.J.T @ wrench) / most
-        if used.max() >= worst:
-            worst, j, at = float(used.max()), int(used.argmax()), key
-    return Finding(
-        f"{name}.holding",
-        graded(worst, ROOM, 1.0),
-        f"with its share {model.joints[j]} takes {worst * most[j]:.3g} of {most[j]:g} N·m at {at}",
-        {"share": worst, "joint": model.joints[j]},
-    )
+        if load.reading is not None and load.turned is not None:
+            yield reading_finding(f"{name}.reading", load.reading, load.turned)
