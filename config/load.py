@@ -205,7 +205,8 @@ def load_cell(name_or_path: str | Path) -> Cell:
     ]
     feels = {p.config.mechanism.name: p.config.mechanism.force_torque is not None for p in parts}
     agree(path, joint, feels)
-    tasks = tuple(task for _, task in joint)
+    rated = {p.config.mechanism.name: p.config.mechanism.rated_payload for p in parts}
+    tasks = tuple(task.shared_by(rated) for _, task in joint)
     return _agreed(replace(parts[0], others=tuple(parts[1:]), joint_tasks=tasks))
 
 

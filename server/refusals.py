@@ -39,6 +39,7 @@ class Why(StrEnum):
     SENSOR_STALE = "sensor_stale"
     TOUCHED = "touched"
     STILL_WRONG = "still_wrong"
+    OVERLOADED = "overloaded"
     UNSTABLE_GAIN = "unstable_gain"
     UNSTABLE_FRAME = "unstable_frame"
     UNSTABLE_PAYLOAD = "unstable_payload"

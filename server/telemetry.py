@@ -199,6 +199,8 @@ def _of_task(
         "held_by": None if output.held is None else output.held.task,
         "internal_force": None if output.held is None else output.held.internal_force,
         "internal_moment": None if output.held is None else output.held.internal_moment,
+        "shares": {name: _six(held.weights) for name, held in unit.grasps.items()},
+        "carried": {name: (held.share, held.carried) for name, held in unit.grasps.items()},
         "sigma_min": found.sigma_min if math.isfinite(found.sigma_min) else -1.0,
         "potential": None if found.field is None else potential(found.field),
         "off_path": None if output.task.off_path is None else _three(output.task.off_path),

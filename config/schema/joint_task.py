@@ -1,5 +1,6 @@
 """Schema of a task that several mechanisms hold together."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -10,6 +11,9 @@ from .sources import ScheduleSection, SourcesSection
 
 Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
 """Beyond, one arm carries all: what is left of the others' shares is rounding."""
+
+MOST_ARMS = 8
+"""Mechanisms that hold one payload at most [1]."""
 
 Weights = Annotated[
     tuple[Weight, Weight, Weight, Weight, Weight, Weight],
@@ -22,7 +26,7 @@ class JointTaskSection(Section):
 
     name: Name = Field(description="name of the task")
     by: tuple[Name, ...] = Field(
-        min_length=2, max_length=8, description="mechanisms that hold the payload"
+        min_length=2, max_length=MOST_ARMS, description="mechanisms that hold the payload"
     )
     at_start: bool = Field(False, description="true: they hold it when the daemon starts")
     T_wrist_mrf: tuple[PoseSection, ...] = Field(
@@ -32,7 +36,9 @@ class JointTaskSection(Section):
         default_factory=PayloadSection, description="what they carry; its centre of mass in the MRF"
     )
     shares: tuple[Weights, ...] = Field(
-        (), description="diagonals of W, one row each: the dearer, the less one carries; none: 1"
+        (),
+        description="diagonals of W, one row each: the dearer, the less one carries; none: by "
+        "rated_payload, 1 where a mechanism tells none",
     )
     internal_stiffness: float = Field(
         50_000.0, gt=0, le=1e8, description="what one arm feels of another over the grasps [N/m]"
@@ -70,6 +76,20 @@ class JointTaskSection(Section):
     schedules: tuple[ScheduleSection, ...] = Field(
         (), max_length=16, description="gains that change with force, distance or time"
     )
+
+    def shared_by(self, rated: Mapping[str, float | None]) -> "JointTaskSection":
+        """Return the section with shares where it has none: by the payloads [kg] that arms bear.
+
+        `rated` has them by mechanism.
+        """
+        if self.shares:
+            return self
+        told = [rated[name] for name in self.by]
+        each = [kg for kg in told if kg is not None]
+        if len(each) < len(told):
+            each = [1.0] * len(told)
+        rows = tuple((min(1e3, max(each) / kg),) * 6 for kg in each)
+        return self.model_copy(update={"shares": rows})
 
     @model_validator(mode="after")
     def _has_one_of_each(self) -> "JointTaskSection":

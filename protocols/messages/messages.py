@@ -285,6 +285,24 @@ class FreeAxesRequest(TaskCommand):
         return self
 
 
+Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
+"""Beyond, one arm carries all: what is left of the others' shares is rounding."""
+
+
+class LoadSharesRequest(TaskCommand):
+    """Says how arms share the load of the payload that they hold together; the change is ramped.
+
+    `weights` are the diagonals of W (Williams 1997, section 3) along the axes of the task's MRF, a
+    row of forces x, y, z, then moments x, y, z for each of its mechanisms, in their order: the
+    dearer, the less one carries. Without rows the cell's hold again. Refused where an arm does not
+    bear its part.
+    """
+
+    weights: tuple[tuple[Weight, Weight, Weight, Weight, Weight, Weight], ...] = Field(
+        (), max_length=8
+    )
+
+
 def complaint_of_path(waypoints: int, speeds: int, twists: int, durations: int) -> str:
     """Return what is wrong with so many of each in one path, or nothing."""
     if bool(waypoints) == bool(twists):

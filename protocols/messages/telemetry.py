@@ -82,6 +82,10 @@ class TaskState(Message):
     """Greatest force at a grasp of that payload that moves nothing [N]; None while not known."""
     internal_moment: float | None = None
     """Greatest such moment [N·m]."""
+    shares: dict[str, Vector6] = Field(default_factory=dict)
+    """Diagonals of W in effect, of a payload in several hands, by their mechanisms."""
+    carried: dict[str, tuple[float, float | None]] = Field(default_factory=dict)
+    """Force along the vertical that each of them is to carry and carries [N]."""
     sigma_min: float
     potential: dict[str, float] | None = None
     off_path: Vector3 | None = None

@@ -65,6 +65,9 @@ class OperatorSettings:
         """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
         self.tunnel: ToldTunnel | None = None
         """What an operator told of the arm's tunnel; None: the cell's is in force."""
+        self.shares: Array | None = None
+        """Diagonals of W (k, 6) that an operator told a joint task; None: the cell's are in force.
+        """
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -112,6 +115,7 @@ class OperatorSettings:
             untold=self.untold,
             held=self.held,
             tunnel=self.tunnel,
+            shares=self.shares,
         )
 
     @property

@@ -256,6 +256,9 @@ class Settings:
     """Axes of the MRF (6,) that the task holds: 1 held, 0 free; None: all are held."""
     tunnel: ToldTunnel | None = None
     """None: the cell's own."""
+    shares: Array | None = None
+    """Diagonals of W (k, 6) of a payload in k hands: the dearer, the less one carries; None: the
+    cell's own."""
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,10 @@ class Used(NamedTuple):
     """Where it takes most: `at POSTURE`."""
 
 
+NOTHING = Used(0.0, "", np.inf, "", "")
+"""Of a rating that nobody tells, or a sensor that is not there."""
+
+
 def dynamics_of(cell: Cell) -> Dynamics:
     """Return the dynamics of one arm, with the links of the URDF for its tool."""
     mechanism, sensor = Mechanism.from_cell(cell), cell.config.mechanism.force_torque
@@ -97,17 +101,34 @@ def reading(sensor: ForceTorqueSection, held: Array, at: Mapping[str, Array]) ->
 # --- Arms that hold one payload: what each bears of it with given shares --------------------------
 
 
+NOW = "its place now"
+"""Name of the posture that an arm is in."""
+
+
 class ArmLoad(NamedTuple):
     """What one arm bears of a payload."""
 
     payload: Used
-    """Of its rated payload; its share is 0 where none is told."""
+    """Of its rated payload."""
     holding: Used
     """Of a joint's torque."""
-    reading: Used | None
-    """Of its sensor's range; None without a sensor."""
-    turned: Used | None
+    reading: Used
+    """Of its sensor's range."""
+    turned: Used
     """The same at whichever attitude it takes most."""
+
+
+class Carried(NamedTuple):
+    """A payload as arms hold it now."""
+
+    mass: float
+    """[kg]."""
+    com: Array
+    """Its centre of mass (3,) in the payload's frame [m]: where the MRF was at start."""
+    T_payload_mrf: Pose
+    """The MRF in force; W is along its axes."""
+    q: tuple[Array, ...]
+    """Joints (n,) of each arm [rad]."""
 
 
 class SharedLoad:
@@ -126,31 +147,71 @@ class SharedLoad:
             if sensor is not None:
                 dynamics.carry(sensor.payload.mass, np.array(sensor.payload.com))
 
-    def borne(self, weights: Array) -> list[ArmLoad]:
+    def refusal(self, weights: Array, now: Array, carried: Carried) -> str | None:
+        """Return why arms do not bear a payload as diagonals of W (k, 6) share it out, or None.
+
+        What is beyond its bound with those of `now` (k, 6), too, may be as far beyond.
+        """
+        names = self._section.by
+        before, after = self.borne(now, carried), self.borne(weights, carried)
+        for name, old, new in zip(names, before, after, strict=True):
+            for was, found, words in (
+                (old.payload, new.payload, "its share of the payload is"),
+                (old.holding, new.holding, f"joint {new.holding.part} takes"),
+                (old.reading, new.reading, f"axis {new.reading.part} of its sensor reads"),
+            ):
+                if found.share > max(1.0, was.share):
+                    value, unit = found.share * found.most, found.unit
+                    return (
+                        f"{name}: {words} {value:.3g} {unit} {found.where}, at most "
+                        f"{found.most:.4g} {unit}"
+                    )
+        return None
+
+    def borne(self, weights: Array, carried: Carried | None = None) -> list[ArmLoad]:
         """Return what each arm bears with the diagonals of W, `weights` (k, 6).
 
-        At the postures that all arms have by one name, as the shares are there.
+        At the postures that all arms have by one name, as the shares are there, and where they are
+        while a payload is `carried`; None: as the cell has it, at start.
         """
         views, weight = self._views, weight_map(self._section.payload)
+        if carried is not None:
+            T = carried.T_payload_mrf
+            views = [view @ T for view in views]
+            weight = weight_of_mass(carried.mass, T.R.T @ (carried.com - T.p))
         grasps = [view.inverse() @ tool for view, tool in zip(views, self._tools, strict=True)]
         p = np.array([grasp.p for grasp in grasps])
         # Of a unit vertical along each axis of the MRF: (3, k, 6).
         shares = np.array([load_shares(p, weights, column) for column in weight.T])
         return [
-            self._of_arm(i, views[i], grasps[i], shares[:, i].T) for i in range(len(self._parts))
+            self._of_arm(
+                i,
+                views[i],
+                grasps[i],
+                shares[:, i].T,
+                {} if carried is None else {NOW: carried.q[i]},
+            )
+            for i in range(len(self._parts))
         ]
 
-    def _of_arm(self, i: int, view: Pose, grasp: Pose, share: Array) -> ArmLoad:
-        """Return what one arm bears with its `share` (6, 3) of the vertical at the MRF."""
+    def _of_arm(
+        self, i: int, view: Pose, grasp: Pose, share: Array, now: Mapping[str, Array]
+    ) -> ArmLoad:
+        """Return what one arm bears with its `share` (6, 3) of the vertical at the MRF.
+
+        At the postures by name, and where it is `now` (n,), by the name of that.
+        """
         part, model = self._parts[i], self._models[i]
         mechanism, sensor = part.config.mechanism, part.config.mechanism.force_torque
         postures = {key: np.array(mechanism.postures[key]) for key in REQUIRED_POSTURES}
+        postures.update(now)
         ups = {key: (model.pose_wrist(q).R @ view.R)[2] for key, q in postures.items()}
         in_tool = np.array([rotate_twist(grasp.R.T, column) for column in share.T]).T
-        borne = self._payload(mechanism.rated_payload, share, {"start": ups["start"]})
+        weighed = {key: up for key, up in ups.items() if key in ("start", NOW)}
+        borne = self._payload(mechanism.rated_payload, share, weighed)
         holding = self._holding(i, postures, ups, in_tool)
         if sensor is None:
-            return ArmLoad(borne, holding, None, None)
+            return ArmLoad(borne, holding, NOTHING, NOTHING)
         T_sensor_tool = placed(sensor).inverse() @ self._tools[i]
         R_mrf_sensor = view.R.T @ placed(sensor).R
         at_sensor = np.array([wrench_to(T_sensor_tool, column) for column in in_tool.T]).T
@@ -162,7 +223,7 @@ class SharedLoad:
     def _payload(rated: float | None, share: Array, ups: Mapping[str, Array]) -> Used:
         """Return the part of its rated payload that an arm bears."""
         if rated is None:
-            return Used(0.0, "", np.inf, "kg", "")
+            return NOTHING
         found = {key: float(up @ share[:3] @ up) / -float(GRAVITY[2]) for key, up in ups.items()}
         worst = max(found, key=lambda key: found[key])
         return Used(found[worst] / rated, "", rated, "kg", f"at {worst}")

@@ -12,6 +12,7 @@ from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
+from ..control.grasps.held import GraspStatus
 from ..control.inputs import NOTHING, STILL, UNASKED, Fold, Inputs, Intent, JointFeedforward
 from ..control.mechanism.model import Mechanism
 from ..control.scene import Moved
@@ -248,6 +249,11 @@ class Unit:
     def commanded(self) -> Motion | None:
         """What the joints were last told; None before they were heard, and once that is void."""
         return None if self.memory is None or self.output is None else self.output.motion
+
+    @property
+    def grasps(self) -> dict[str, GraspStatus]:
+        """Grasps of one payload: a joint task's alone."""
+        return {}
 
     @property
     def vision(self) -> VisionTracker:

@@ -39,6 +39,7 @@ from ..perception.perception import Perception
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds
+from ..stability.loads import Carried, SharedLoad
 from .unit import Unit, mrf_in_force, tick_inputs
 
 # --- Ramps of a quick stop of joints that mean something only together, by their places in a cell
@@ -115,6 +116,8 @@ class JointUnit:
         grasps = [grasp_part(cell, section, i) for i in range(len(section.by))]
         self.commands = Commands.from_cell(part, settings, LoopBounds(part, grasps))
         self.commands.settings.on["following"] = False
+        parts = [unit.cell for unit in units]
+        self._load_judge, self._shares = SharedLoad(section, parts), np.array(section.shares)
         self.arm, self.perception = units[0].arm, units[0].perception
         first = (section.T_wrist_mrf[0].xyz, section.T_wrist_mrf[0].rpy)
         self._T_wrist_payload = Pose.from_xyz_rpy(*first)
@@ -142,6 +145,35 @@ class JointUnit:
     def T_world_mrf(self) -> Pose | None:
         """Where the command has the shared MRF in force; None while the task is off."""
         return None if self.output is None else mrf_in_force(self.output, self.commands)
+
+    @property
+    def grasps(self) -> dict[str, GraspStatus]:
+        """What is told of each arm's grasp, by the mechanisms; none while the task is off."""
+        found = {u.mechanism: u.output.held for u in self.units if u.output is not None}
+        return {name: held for name, held in found.items() if held is not None}
+
+    def share_out(self, weights: tuple[tuple[float, ...], ...]) -> None:
+        """Share the load out by diagonals of W (k, 6), none: by the cell's. Raises `Refused`."""
+        settings, names = self.commands.settings, ", ".join(u.mechanism for u in self.units)
+        if weights and len(weights) != len(self.units):
+            raise Refused(Why.OUT_OF_RANGE, f"weights: {len(weights)} rows, one each: {names}")
+        asked = np.array(weights) if weights else self._shares
+        now = self._shares if settings.shares is None else settings.shares
+        reason = self._load_judge.refusal(asked, now, self._carried())
+        if reason is not None:
+            raise Refused(Why.OVERLOADED, reason)
+        settings.shares = np.array(weights) if weights else None
+
+    def _carried(self) -> Carried:
+        """Return the payload as it counts, where the arms are."""
+        q = [unit.q for unit in self.units if unit.q is not None]
+        held = next(iter(self.grasps.values()), None)
+        if held is None or len(q) < len(self.units):
+            raise Refused(Why.NOT_NOW, "where the arms are was not heard yet")
+        mass = self._payload.mass + float(held.load[0])
+        moment = self._payload.mass * np.array(self._payload.com) + held.load[1:]
+        T_payload_mrf = self._T_wrist_payload.inverse() @ self.commands.frames.T_wrist_mrf
+        return Carried(mass, moment / max(mass, 1e-9), T_payload_mrf, tuple(q))
 
     @property
     def arm_angle(self) -> None:
@@ -579,6 +611,8 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             events.info("objective_set", message.objective, gain=message.gain)
         case motion.FreeAxesRequest():
             _free_axes(message, unit)
+        case motion.LoadSharesRequest():
+            _share_out(message, unit)
         case motion.TunnelRequest():
             _tell_tunnel(message, unit)
         case motion.ClutchRequest():
@@ -620,6 +654,15 @@ def _free_axes(message: motion.FreeAxesRequest, unit: Unit | JointUnit) -> None:
     commands.goals.idle = False
     _know_ranks(unit)
     unit.events.info("axes_freed" if message.axes else "axes_held", ", ".join(message.axes))
+
+
+def _share_out(message: motion.LoadSharesRequest, unit: Unit | JointUnit) -> None:
+    """Share a payload's load out anew; raises `Refused` where an arm does not bear its part."""
+    if isinstance(unit, Unit):
+        raise Refused(Why.UNKNOWN_TASK, f"'{unit.task}' is one arm's: it carries all of its load")
+    unit.share_out(message.weights)
+    rows = dict(zip((u.mechanism for u in unit.units), map(str, message.weights), strict=False))
+    unit.events.info("load_shared", "" if rows else "as the cell says", **rows)
 
 
 def _tell_tunnel(message: motion.TunnelRequest, unit: Unit | JointUnit) -> None:

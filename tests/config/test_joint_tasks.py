@@ -45,6 +45,16 @@ def test_a_joint_task_stands_beside_the_parts_and_not_in_them(cell):
     assert [part.config for part in two.parts] == [part.config for part in cell(TWO).parts]
 
 
+def test_the_load_is_shared_out_by_rated_payloads_where_the_task_says_nothing(cell):
+    (even,) = cell(TWO + BEAM).joint_tasks
+    assert even.shares == ((1.0,) * 6, (1.0,) * 6)
+    half = TWO.replace('name = "right"\nlike', 'name = "right"\nrated_payload = 5.0\nlike')
+    (by_rating,) = cell(half + BEAM).joint_tasks
+    assert by_rating.shares == ((1.0,) * 6, (2.0,) * 6)
+    (told,) = cell(half + BEAM + "shares = [[3, 3, 3, 3, 3, 3], [1, 1, 1, 1, 1, 1]]").joint_tasks
+    assert told.shares == ((3.0,) * 6, (1.0,) * 6)
+
+
 def test_the_file_speaks_for_the_joint_task_where_that_says_nothing(cell):
     (beam,) = cell(TWO + BEAM).joint_tasks
     assert beam.sources.joystick.gain == (0.1, 0.1, 0.1, 0.2, 0.2, 0.2)

@@ -269,7 +269,7 @@ def _moving(
     payload = section.payload
     moment = payload.mass * np.array(payload.com)
     weight = weight_of(payload.mass, moment, Pose.identity(), R)
-    shares = load_shares(p, np.array(section.shares or [(1.0,) * 6] * len(p)), weight)
+    shares = load_shares(p, np.array(section.shares), weight)
     found = []
     for arm, q, view, at, share in zip(task.arms, start, views, p, shares, strict=True):
         J = arm.mechanism.kinematics(q, view).J
@@ -282,7 +282,7 @@ def _load(cell: Cell, section: JointTaskSection) -> Iterator[Finding]:
     """Judge what each arm bears of the payload: its weight, its joints' torques, its sensor."""
     by = {part.config.mechanism.name: part for part in cell.parts}
     parts = [by[name] for name in section.by]
-    weights = np.array(section.shares or [(1.0,) * 6] * len(parts))
+    weights = np.array(section.shares)
     for part, load in zip(parts, SharedLoad(section, parts).borne(weights), strict=True):
         name, mechanism = f"{section.name}.{part.config.mechanism.name}", part.config.mechanism
         rated = mechanism.rated_payload
@@ -302,5 +302,5 @@ def _load(cell: Cell, section: JointTaskSection) -> Iterator[Finding]:
             f"N·m {held.where}",
             {"share": held.share, "joint": held.part},
         )
-        if load.reading is not None and load.turned is not None:
+        if mechanism.force_torque is not None:
             yield reading_finding(f"{name}.reading", load.reading, load.turned)

@@ -443,6 +443,15 @@ class Motions(ABC):
         """
         self.request(t.FREE_AXES, axes=axes)
 
+    def load_shares(self, *weights: float | Sequence[float]) -> None:
+        """Share the load of a payload in several hands out anew; without any, as the cell says.
+
+        Diagonals of W, one for each mechanism of the task: six numbers (forces, then moments, along
+        the axes of the MRF), or one for all six. The dearer, the less that arm carries.
+        """
+        rows = tuple((w,) * 6 if isinstance(w, int | float) else tuple(w) for w in weights)
+        self.request(t.LOAD_SHARES, weights=rows)
+
     def tunnel(
         self, pieces: Sequence[Sequence[float]] = (), *, open_pieces: int = 0, **more: Any
     ) -> None:

@@ -54,6 +54,8 @@ class GraspState:
     """How often views had drifted so far apart that it was told."""
     weighed: Weighed = field(default_factory=Weighed)
     """What the grasps carry that nobody told of; the same in all arms of the task."""
+    weights: Array = field(default_factory=lambda: np.zeros(6))
+    """Its diagonal of W in effect (6,), on its way to what was told [1]; 0 before any was."""
     light_s: float = 0.0
     """So long has this arm carried next to nothing, while the others carry its part [s]."""
 
@@ -73,6 +75,12 @@ class GraspStatus(NamedTuple):
     """The payload slipped out of this arm's grasp: the arms stop."""
     load: Array
     """Mass [kg] and first moment in the payload's frame [kg·m] beyond what was told (4,)."""
+    weights: Array
+    """Diagonal of W in effect (6,) [1]."""
+    share: float
+    """Force that the arm is to carry along the vertical [N]."""
+    carried: float | None
+    """Force that it carries along the vertical [N]; None while its sensor tells nothing."""
     apart: float
     """How far this arm's view of the payload is from the mean of all [m]."""
     redefined: int

@@ -458,6 +458,9 @@ SLIPPED_S = 0.1
 STRAINS = ("internal_force", "internal_moment")
 """What is bounded of the wrenches at the grasps that move nothing."""
 
+SHARES_PER_S = 1.0
+"""The diagonals of W change by this factor of e at most [1/s]: the grasps follow within K_F k_e."""
+
 OTHERS = 0.75
 """The others carry its part when they carry more than this of the whole [1]."""
 
@@ -477,6 +480,11 @@ class Grasping(NamedTuple):
     """Greatest force that moves nothing, beyond what the shares mean [N]; None without all."""
     internal_moment: float | None
     """Greatest such moment [N·m]."""
+
+    def vertical(self, i: int, up: Array) -> tuple[float, float | None]:
+        """Return the force that an arm is to carry along `up` (3,), MRF axes, and carries [N]."""
+        exerted = self.exerted[i]
+        return float(up @ self.desired[i, :3]), None if exerted is None else float(up @ exerted[:3])
 
     def off(self, i: int) -> Array | None:
         """Return by how much one arm exerts too little (6,); None when stale."""
@@ -567,7 +575,8 @@ class GivingWay:
         """Build it for the arms that hold the payload."""
         self._wrists = tuple(arm.wrist for arm in arms)
         self._tools = tuple(arm.p.T_wrist_tool for arm in arms)
-        self._weights = np.array(section.shares or [(1.0,) * 6] * len(arms))
+        self._weights = np.array(section.shares)
+        self._ramp = SHARES_PER_S * arms[0].p.period_s
         self._mass = section.payload.mass
         self._moment = self._mass * np.array(section.payload.com)
         force = section.sources.force
@@ -576,9 +585,27 @@ class GivingWay:
         # Of its bound, as much as of that of forces.
         self._threshold_moment = force.hold_threshold * self._most[1] / self._most[0]
 
+    def weights(self, told: Inputs, before: Sequence[GraspState]) -> Array:
+        """Return the diagonals of W in effect (k, 6), on their way to what was told.
+
+        All get there at the same time, along a straight line of their logarithms: of two arms each
+        one's share goes one way. With drives off, or just taken hold of, they are there at once.
+        """
+        aim = self._weights if told.settings.shares is None else told.settings.shares
+        now = np.array([held.weights for held in before])
+        if told.intent is Intent.SEED or not now.all():
+            return aim
+        way = np.log(aim / now)
+        most = float(np.abs(way).max())
+        if most <= self._ramp:
+            return aim
+        ramped: Array = now * np.exp(self._ramp / most * way)
+        return ramped
+
     def forces(
         self,
         told: Inputs,
+        weights: Array,
         views: Sequence[Pose],
         wrists: Sequence[WristMemory],
         T_payload_mrf: Pose,
@@ -587,7 +614,8 @@ class GivingWay:
     ) -> Grasping:
         """Return the forces at the grasps of arms that see the MRF at `views` in their Wrists.
 
-        `extra` (4,) is what the payload was found to weigh more than it was told.
+        `weights` (k, 6) are the diagonals of W in effect, `extra` (4,) is what the payload was
+        found to weigh more than it was told.
         """
         felt = [
             own_wrist.contact.at_mrf(memory.wrench, tool)[0]
@@ -596,7 +624,7 @@ class GivingWay:
         mass, moment = self._mass + float(extra[0]), self._moment + extra[1:]
         weight = weight_of(mass, moment, T_payload_mrf, R_world_mrf)
         asked = desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
-        return grasping(views, self._tools, felt, self._weights, weight, asked)
+        return grasping(views, self._tools, felt, weights, weight, asked)
 
     def strained(self, forces: Grasping) -> str | None:
         """Return which bound the arms press each other beyond, None for none."""

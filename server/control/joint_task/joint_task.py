@@ -271,8 +271,9 @@ class JointTask:
         twist = sum(twists.values(), np.zeros(6))
         views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
         known = first.held.weighed
+        weights = self._giving_way.weights(told, [of.held for of in each])
         forces = self._giving_way.forces(
-            told, views, wrists, T_payload_mrf, T_world_mrf.R, known.load + known.waits
+            told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known.load + known.waits
         )
         light = [0.0] * len(each)
         if told.intent is not Intent.SEED:
@@ -297,9 +298,10 @@ class JointTask:
             holding = GraspStatus(
                 self.name, forces.internal_force, forces.internal_moment, strained,
                 light[i] >= SLIPPED_S, known.load,
+                weights[i], *forces.vertical(i, T_world_mrf.R[2]),
                 apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0], of.held.redefined,
             )  # fmt: skip
-            held = evolve(memory.held, light_s=light[i], weighed=known)
+            held = evolve(memory.held, light_s=light[i], weighed=known, weights=weights[i])
             memory_of_arm = evolve(memory, held=held)
             members.append(Member(memory_of_arm, of.inputs, of.seen, rates, share * way, holding))
         if told.intent is Intent.MOVE:

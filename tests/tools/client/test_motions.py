@@ -63,10 +63,11 @@ def test_every_word_is_a_sound_message_on_its_topic():
     said.master_pose([0, 0, 0], [0, 0, 0.1], "base")
     said.redundancy("posture", 0.5, "park")
     said.tunnel([[0.3, 1.5, 0, 0.4], [0.2, 0, 0, 0]], open_pieces=1)
+    said.load_shares(3, [1, 2, 3, 4, 5, 6])
     topics = [topic for topic, _ in said.heard]
     assert topics == [
         t.PATH, t.PATH, t.PATH_CONTROL, t.PATH_CONTROL, t.PATH_CONTROL, t.CLUTCH, t.CLUTCH,
-        t.MASTER_POSE, t.REDUNDANCY, t.TUNNEL,
+        t.MASTER_POSE, t.REDUNDANCY, t.TUNNEL, t.LOAD_SHARES,
     ]  # fmt: skip
     words = [message for _, message in said.heard]
     assert words[0].blend == 0.02
@@ -75,6 +76,7 @@ def test_every_word_is_a_sound_message_on_its_topic():
     assert (words[5].engaged, words[5].translation) == (True, None)
     assert (words[6].engaged, words[6].translation, words[6].rotation) == (None, 0.1, None)
     assert (words[9].pieces[0], words[9].open) == ((0.3, 1.5, 0.0, 0.4), 1)
+    assert words[10].weights == ((3.0,) * 6, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
 
 
 def test_what_leads_one_task_names_it_or_its_mechanism():

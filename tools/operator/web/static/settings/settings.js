@@ -4,17 +4,20 @@ import { button, el } from "../dom.js";
 import { FRAME_NAMES } from "../choices.js";
 import { createAxes } from "./axes.js";
 import { createForm } from "./form.js";
+import { createShares } from "./shares.js";
 import { createSources } from "./sources.js";
 
 // Have a better control elsewhere, or are no setting: lease, streams, the beat of the lease.
 const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/self_motion", "cmd/drive", "cmd/master_pose",
   "operator/lease", "operator/release", "operator/protective_stop", "operator/protective_clear",
-  "operator/free_axes"];
+  "operator/free_axes", "operator/load_shares"];
 
 export function createSettings(element, catalogue, { ask, choices }) {
   const sources = el("div", {});
   const axes = el("div", {});
   const held = createAxes(axes, { ask, choices });
+  const load = el("div", {});
+  const shares = createShares(load, { ask, choices });
   const objectives = el("div", {});
   const list = createSources(sources, { ask, choices, units: catalogue.gain_units });
   const quick = [];
@@ -33,6 +36,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     row(act("Tare", "operator/tare", {}, "mechanism"), act("Close gripper", "operator/gripper", { closed: true }, "mechanism"),
       act("Open gripper", "operator/gripper", { closed: false }, "mechanism")),
     row(act("The load is known", "operator/acknowledge_load", {}, "mechanism"), act("Store the view", "operator/store_view", {})),
+    el("div", { hidden: true }, el("h2", {}, "Load of the payload"), load),
     el("h2", {}, "Frames"),
     row(act("Reference here", "operator/frame", { frame: "crf", relative_to: "mrf" }, "task", FRAME_NAMES.crf[1]),
       act("Tool to the reference", "operator/frame", { frame: "mrf", relative_to: "crf" }, "task", FRAME_NAMES.mrf[1]),
@@ -70,6 +74,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     update() {
       list.update();
       held.update();
+      shares.update();
       if (choices.shown) listObjectives(choices.shown);
     },
   };
