@@ -1,7 +1,7 @@
 """The command line: `telerobot COMMAND …`; every command is a module of its own.
 
 A command's module offers `run(args) -> int` and is imported only when it runs. Its arguments stand
-in `cli.toml`, or as `add_arguments(parser)` in a module that takes no long to import.
+in `cli.toml`, and what these cannot say in `arguments.py`.
 Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupted.
 """
 
@@ -138,8 +138,6 @@ def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
             own = getattr(arguments, c.name, None)
             if own is not None:
                 own(sub)
-            elif not c.arguments:
-                _module(c).add_arguments(sub)
             sub.set_defaults(run=partial(_imported, c))
     return parser
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
-from telerobot.tools.cli import main
+from telerobot.tools.cli import COMMANDS, main
 from telerobot.tools.recording.plot.figure import PANELS, load_recording
 from telerobot.tools.recording.run_file import RecordError, read_about
 from telerobot.tools.scripts.script import Script
@@ -174,3 +174,8 @@ def test_a_run_with_a_payload_shows_it_and_what_presses_it(tmp_path):
     np.testing.assert_allclose(ax.lines[0].get_ydata(), internal)
     assert main(["plot", str(path), str(path), "--out", str(out)]) == 0
     assert out.read_bytes().startswith(PNG)
+
+
+def test_the_panels_that_are_drawn_unless_others_are_asked_for_are_all():
+    plot = next(command for command in COMMANDS if command.name == "plot")
+    assert plot.arguments["--panels"]["default"].split(",") == [*PANELS, "stills"]
