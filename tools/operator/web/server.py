@@ -202,28 +202,11 @@ def tls_context(
 
 
 # --- The two small pages before the page: who asks for the secret, and who leads on ---------------
-_HEAD: Final = (
-    '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>telerobot</title>'
-    '<meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
-)
-
-LOGIN: Final = (
-    f"{_HEAD}</head><body><main><h1>telerobot console</h1>"
-    "<p>Open the address that the console printed when it started, or type its key.</p>"
-    '<form method="post" action="/login"><label>Key <input name="key" type="password" '
-    'autocomplete="off" required></label> <button>Come in</button></form></main></body></html>'
-)
-
-
-def welcome() -> str:
-    """Return the page that leads on to the address without the secret.
-
-    A page of this origin, not a redirection: so a cookie for this site alone goes with it.
-    """
-    return (
-        f'{_HEAD}<meta http-equiv="refresh" content="0;url=/"></head>'
-        '<body><a href="/">On to the console</a></body></html>'
-    )
+STATIC: Final = Path(__file__).resolve().parent / "static"
+LOGIN: Final = (STATIC / "login.html").read_text(encoding="utf-8")
+WELCOME: Final = (STATIC / "welcome.html").read_text(encoding="utf-8")
+"""Leads on to the address without the secret: a page of this origin, not a redirection, so that a
+cookie for this site alone goes with it."""
 
 
 # --- All that an operator may send, for the page's settings: from the one table of topics ---------
@@ -257,7 +240,6 @@ def _gain_units() -> dict[str, str]:
 
 
 # --- The console's HTTP: one page, its modules, one WebSocket for each; safe headers on everything
-STATIC: Final = Path(__file__).resolve().parent / "static"
 ROLE: Final = web.RequestKey("role", Role)
 LARGEST: Final = 65536  # longest message that is read from a page [B]
 SWEEP_S: Final = 0.5  # connections are looked through every [s]
@@ -366,7 +348,7 @@ class SceneServer:
         role = self._access.role_of_key(key)
         if role is None:
             return web.Response(status=401, text=LOGIN, content_type="text/html")
-        response = web.Response(text=welcome(), content_type="text/html")
+        response = web.Response(text=WELCOME, content_type="text/html")
         response.set_cookie(
             self._cookie,
             self._access.cookie(role),

@@ -23,13 +23,13 @@ from telerobot.tools.operator.web.server import (
     DEADLINE_S,
     LOGIN,
     MOST,
+    WELCOME,
     Access,
     Doorkeeper,
     Listen,
     Server,
     same_origin,
     tls_context,
-    welcome,
 )
 from yarl import URL
 
@@ -233,7 +233,7 @@ def test_beyond_loopback_a_certificate_of_the_cell_logs_in_over_https(tmp_path):
     asyncio.run(run())
 
 
-@pytest.mark.parametrize("page", [LOGIN, welcome()])
+@pytest.mark.parametrize("page", [LOGIN, WELCOME])
 def test_a_page_that_only_leads_on_asks_for_no_icon(page):
     """A browser asks for `/favicon.ico` where none is named, and complains that there is none."""
     assert '<link rel="icon" href="data:,">' in page
