@@ -10,10 +10,10 @@ import numpy as np
 
 from ....config.drives import joint_bounds
 from ....config.load import Cell, ConfigError
-from ....config.schema.rig import RigBeamSection, RigBridgeSection, RigSection
+from ....config.schema.rig import RigBeamSection, RigBridgeSection
 from ....config.schema.section import PoseSection
 from ....config.schema.sources import SOURCES
-from ....config.schema.surroundings import CameraSection, ObstacleSection, RigTagSection
+from ....config.schema.surroundings import ObstacleSection, RigTagSection
 from ....config.urdf.elements import end_of
 from ....config.urdf.meshes import find_mesh, read_mesh
 from ....drivers.device import DeviceError
@@ -193,12 +193,8 @@ Colours = Mapping[str, list[float]]
 
 def colours_of(root: ET.Element) -> dict[str, list[float]]:
     """Return the colours (4,) that a URDF names for all links, by name."""
-    found = {}
-    for material in root.findall("material"):
-        colour = material.find("color")
-        if colour is not None and colour.get("rgba"):
-            found[material.get("name", "")] = three(colour, "rgba")
-    return found
+    named = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    return {name: three(c, "rgba") for name, c in named.items() if c is not None and c.get("rgba")}
 
 
 def shapes_of(
@@ -403,7 +399,9 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
             for b in rig.boxes
         ]
         + ([] if rig.bridge is None else _bridge(rig.bridge)),
-        "wall": _wall(rig),
+        "wall": None
+        if rig.wall is None
+        else {"pose": [*rig.wall.xyz, *along(rig.wall.normal)], "half_size": rig.wall.half_size},
         "holes": [
             {
                 "name": hole.name,
@@ -440,13 +438,6 @@ def _bridge(bridge: RigBridgeSection) -> list[dict[str, Any]]:
         }
         for name, y, z, half in each
     ]
-
-
-def _wall(rig: RigSection) -> dict[str, Any] | None:
-    if rig.wall is None:
-        return None
-    pose: Seven = [*rig.wall.xyz, *along(rig.wall.normal)]
-    return {"pose": pose, "half_size": rig.wall.half_size}
 
 
 def _tag(tag: RigTagSection) -> dict[str, Any]:
@@ -518,7 +509,10 @@ def describe(cell: Cell, meshes: Meshes | None = None) -> dict[str, Any]:
         "tasks": _tasks(cell, {link["name"]: i for i, link in enumerate(links)}),
         "sources": [*SOURCES, FRAMES],
         "cameras": [
-            _camera(camera, part.task) for part in cell.parts for camera in part.config.cameras
+            camera.model_dump(include={"name", "size", "focal"})
+            | {"task": part.task, "on": camera.on, "pose": of_pose(camera.place)}
+            for part in cell.parts
+            for camera in part.config.cameras
         ],
         "obstacles": described_obstacles(cell),
         "avoidance": {
@@ -592,14 +586,3 @@ def _tasks(cell: Cell, links: dict[str, int]) -> list[dict[str, Any]]:
         shared = {"name": task.name, "by": list(task.by), "force": False}
         tasks.append({**holder, **shared, "T_wrist_mrf": of_pose(task.T_wrist_mrf[0])})
     return tasks
-
-
-def _camera(camera: CameraSection, task: str) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "task": task,
-        "on": camera.on,
-        "pose": of_pose(camera.place),
-        "size": camera.size,
-        "focal": camera.focal,
-    }
