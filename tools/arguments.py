@@ -3,10 +3,15 @@
 import argparse
 import math
 import os
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
+
+DESCRIBED: Final[dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("cli.toml").read_text(encoding="utf-8")
+)
 
 
 def add(parser: argparse.ArgumentParser, arguments: Mapping[str, Mapping[str, Any]]) -> None:
@@ -31,14 +36,10 @@ def add(parser: argparse.ArgumentParser, arguments: Mapping[str, Mapping[str, An
         into.add_argument(name, **how)
 
 
-def soak(parser: argparse.ArgumentParser) -> None:
-    """`telerobot soak`, beside its cell."""
-    from .host import jobs
-
-    parser.add_argument(
-        "--seeds", type=jobs.seeds, default=range(20), metavar="A:B", help="B excluded (0:20)"
-    )
-    jobs.add_arguments(parser, 1, None)
+def jobs(parser: argparse.ArgumentParser, processes: int, rows: Path) -> None:
+    """Add where jobs run; `processes` and `rows` by default."""
+    add(parser, DESCRIBED["shared"]["jobs"])
+    parser.set_defaults(jobs=processes, rows=rows)
 
 
 def completion(parser: argparse.ArgumentParser) -> None:

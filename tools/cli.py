@@ -9,13 +9,11 @@ import argparse
 import gc
 import os
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
-from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, NoReturn
 
@@ -36,10 +34,10 @@ class HelpRow:
 
 
 def _rows() -> tuple[HelpRow, ...]:
-    told = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-    shared = told.pop("shared")
-    rows = []
-    for name, row in told.items():
+    rows, shared = [], arguments.DESCRIBED["shared"]
+    for name, row in arguments.DESCRIBED.items():
+        if row is shared:
+            continue
         takes = {key: how for group in row.get("takes", ()) for key, how in shared[group].items()}
         own = takes | row.get("arguments", {})
         rows.append(HelpRow(name, row["module"], row["summary"], tuple(row["examples"]), own))

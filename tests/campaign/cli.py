@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter
+from telerobot.tools import arguments
 from telerobot.tools.cli import run_alone
 from telerobot.tools.host import jobs
 from telerobot.tools.host.jobs import seeds
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="seeds to run in every cell, B excluded (default 0:100)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures as JSON")
-    jobs.add_arguments(parser, 2, Path("out/campaign.jsonl"))
+    arguments.jobs(parser, 2, Path("out/campaign.jsonl"))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
+from telerobot.tools import arguments
 from telerobot.tools.cli import run_alone
 from telerobot.tools.host import jobs
 
@@ -42,7 +43,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=FOLDER, metavar="FOLDER",
         help="write pictures and page here (default docs/papers)",
     )  # fmt: skip
-    jobs.add_arguments(parser, 2, Path("out/papers.jsonl"))
+    arguments.jobs(parser, 2, Path("out/papers.jsonl"))
 
 
 def _run(args: argparse.Namespace) -> int:

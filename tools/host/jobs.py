@@ -55,25 +55,6 @@ class Finished(Generic[R]):
     interrupted: bool
 
 
-def add_arguments(parser: argparse.ArgumentParser, processes: int, rows: Path | None) -> None:
-    """Describe where jobs run; `processes` and `rows` by default."""
-    parser.add_argument(
-        "--jobs", type=_count, default=processes, metavar="N",
-        help="processes of this machine (default %(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--cluster", type=_cluster, metavar="dask://HOST:PORT",
-        help="run on a Dask cluster instead, whose workers have this package",
-    )  # fmt: skip
-    parser.add_argument(
-        "--rows", type=Path, default=rows, metavar="FILE",
-        help="keep every result here as a line of JSON (default %(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--resume", action="store_true", help="go on: do not run again what stands in --rows"
-    )
-
-
 def place_of(args: argparse.Namespace) -> Place:
     """Return what the arguments chose. Raises `ConfigError`."""
     if args.resume and args.rows is None:
@@ -294,14 +275,16 @@ def seeds(text: str) -> range:
     return found
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """Return a number of 1 or more of the command line."""
     count = int(text) if text.isdecimal() else 0
     if count < 1:
         raise argparse.ArgumentTypeError(f"{text}: must be a number of 1 or more")
     return count
 
 
-def _cluster(text: str) -> str:
+def cluster(text: str) -> str:
+    """Return HOST:PORT of the text "dask://HOST:PORT"."""
     address = text.removeprefix(SCHEME)
     host, _, port = address.rpartition(":")
     if not text.startswith(SCHEME) or not host or not port.isdecimal():

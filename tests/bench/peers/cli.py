@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from telerobot.config.load import Cell, load_cell
+from telerobot.tools.arguments import jobs as add_jobs
 from telerobot.tools.bench.figures import machine
 from telerobot.tools.host import jobs
 from telerobot.tools.host.jobs import seeds
@@ -50,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="bench-peers", description=__doc__)
     parser.add_argument("--cell", default="pa10", help="cell whose arm it is (pa10)")
     parser.add_argument("--seeds", type=seeds, default=range(200), metavar="A:B", help="(0:200)")
-    jobs.add_arguments(parser, 1, Path("out/peers.jsonl"))
+    add_jobs(parser, 1, Path("out/peers.jsonl"))
     parser.add_argument(
         "--controllers", nargs="+", choices=NAMES, default=NAMES, metavar="NAME",
         help=f"of {', '.join(repr(name) for name in NAMES)} (all)",
