@@ -190,42 +190,22 @@ class Hub:
     def __init__(self) -> None:
         self.time_s = 0.0
         self.pump: Callable[[], None] | None = None
-        self._members: tuple[InProcessBus, ...] = ()
-        self._underway: deque[tuple[InProcessBus, can.Message]] = deque()
+        self.members: tuple[InProcessBus, ...] = ()
+        self.underway: deque[tuple[InProcessBus, can.Message]] = deque()
         """Frames that are being handed on: the first to those after whom the others wait."""
 
     def join(self, member: "InProcessBus") -> None:
         """Make a bus a member: it hears what the others send from now on."""
-        self._members = (*self._members, member)
+        self.members = (*self.members, member)
 
     def leave(self, member: "InProcessBus") -> None:
         """Take a bus out again; one that is no member already is no error."""
-        self._members = tuple(m for m in self._members if m is not member)
+        self.members = tuple(m for m in self.members if m is not member)
 
     def close(self) -> None:
         """Let every member leave."""
-        for member in self._members:
+        for member in self.members:
             member.shutdown()
-
-    def deliver(self, sender: "InProcessBus", message: can.Message) -> None:
-        """Hand a frame to every other member, in the order of joining.
-
-        What a member sends while it is being handed a frame comes after that frame for everyone.
-        """
-        message.timestamp = self.time_s
-        underway = self._underway
-        underway.append((sender, message))
-        if len(underway) > 1:
-            return
-        try:
-            while underway:
-                source, frame = underway[0]
-                for member in self._members:
-                    if member is not source:
-                        member.accept(frame)
-                underway.popleft()
-        finally:
-            underway.clear()
 
 
 class InProcessBus(can.BusABC):
@@ -246,8 +226,24 @@ class InProcessBus(can.BusABC):
         hub.join(self)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  python-can's
-        """Hand a frame to every other member at once."""
-        self.hub.deliver(self, msg)
+        """Hand a frame to every other member at once, in the order of joining.
+
+        What a member sends while it is being handed a frame comes after that frame for everyone.
+        """
+        hub = self.hub
+        msg.timestamp, underway = hub.time_s, hub.underway
+        underway.append((self, msg))
+        if len(underway) > 1:
+            return
+        try:
+            while underway:
+                sender, frame = underway[0]
+                for member in hub.members:
+                    if member is not sender:
+                        member.accept(frame)
+                underway.popleft()
+        finally:
+            underway.clear()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame; with none there, let the others run once, then try again.

@@ -590,7 +590,7 @@ class CanNode:
     def tick(self) -> None:
         """Do what is due at this physics time; sets `due_s` to when it wants the next call."""
         now = self.clock() + _EPSILON_S
-        period = self.objects[Com.PRODUCER_HEARTBEAT, 0] * 1e-3
+        period = self.objects.image[Com.PRODUCER_HEARTBEAT, 0] * 1e-3
         if period <= 0:
             self._next_beat_s = NEVER
         elif self._next_beat_s > now + period:
@@ -607,7 +607,7 @@ class CanNode:
                     self.due_s = 0.0  # what it maps may change at any step
 
     def _watch_master(self, now: float) -> float:
-        timeout = (self.objects[Com.CONSUMER_HEARTBEAT, 1] & 0xFFFF) * 1e-3
+        timeout = (self.objects.image[Com.CONSUMER_HEARTBEAT, 1] & 0xFFFF) * 1e-3
         if timeout <= 0 or self._master_beat_s is None or self.master_lost:
             return NEVER
         deadline = self._master_beat_s + timeout
@@ -621,7 +621,7 @@ class CanNode:
         return NEVER
 
     def _on_heartbeat(self, node: int) -> None:
-        if node != self.objects[Com.CONSUMER_HEARTBEAT, 1] >> 16:
+        if node != self.objects.image[Com.CONSUMER_HEARTBEAT, 1] >> 16:
             return
         self._master_beat_s = self.clock()
         if self.master_lost:

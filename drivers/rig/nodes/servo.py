@@ -532,7 +532,8 @@ class SimulatedDrive(CanNode):
     def _follow(self, *, streamed: bool = True) -> None:
         """Follow the newest setpoint of the mode; what the drive's limits cut is reported."""
         at = (self._interpolation, self._loop, self._joint, self.drive)
-        self._cut = follow(self._mode, self.objects, *at, streamed=streamed)
+        mode = self.objects.image[_MODE_DISPLAY]
+        self._cut = follow(mode, self.objects, *at, streamed=streamed)
 
     def _tune(self) -> None:
         at = (self._loop, self._joint, self.drive)

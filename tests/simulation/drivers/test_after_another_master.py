@@ -44,7 +44,7 @@ class OtherMaster:
     def leave(self):
         """Go; nobody has heard what was said before the daemon came."""
         self.bus.shutdown()
-        for member in tuple(self.simulation.buses.hubs[0]._members):
+        for member in tuple(self.simulation.buses.hubs[0].members):
             while member.recv(0) is not None:
                 pass
 
