@@ -42,8 +42,19 @@ class Contacts:
         floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, FLOOR)
         self._fixed = frozenset(fixed) | ({floor} if floor >= 0 else frozenset())
         root_of = model.body_rootid[model.geom_bodyid].tolist()
-        self._side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
-        self._rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
+        side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
+        rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
+
+        def side(first: int, second: int) -> int:
+            if rolls[first] or rolls[second]:
+                return NOBODY
+            if (first in self._fixed) != (second in self._fixed):
+                return side_of[second if first in self._fixed else first]
+            return OWN if first not in self._fixed else NOBODY
+
+        geoms = range(model.ngeom)
+        self._side = [[side(first, second) for second in geoms] for first in geoms]
+        """Whose contact with what stands a pair of geoms is, `OWN` or `NOBODY`."""
         self._wrench = np.zeros(6)
         self._sides = len(roots) + 1
         self._period, self._step = steps, 0
@@ -54,8 +65,8 @@ class Contacts:
     def force(self, side: int) -> Vector:
         """Return the net force (3,) [N] of an arm, or the payload, on what stands, in World."""
         total = np.zeros(3)
-        for (first, second), on_second in self._pressing():
-            if self._side(first, second) == side:
+        for whose, (_, second), on_second in self._pressing():
+            if whose == side:
                 total += on_second if second in self._fixed else -on_second
         return total
 
@@ -82,8 +93,8 @@ class Contacts:
     def note(self) -> None:
         """Take in the contacts of one physics step."""
         self._step += 1
-        if self._data.ncon:
-            self._newest = [*self._of_period(), (self._step, self._sums())]
+        if self._data.ncon and any(sums := self._sums()):
+            self._newest = [*self._of_period(), (self._step, sums)]
 
     def _of_period(self) -> list[tuple[int, list[float]]]:
         first = self._step - self._period
@@ -93,30 +104,22 @@ class Contacts:
         """Return the sums of every side [N], the last for `OWN`."""
         sums = [0.0] * self._sides
         forces: dict[tuple[int, int], Vector] = {}
-        for pair, force in self._pressing():
+        for _, pair, force in self._pressing():
             forces[pair] = forces[pair] + force if pair in forces else force
-        for pair, force in forces.items():
-            sums[self._side(*pair)] += math.sqrt(force @ force)
+        for (first, second), force in forces.items():
+            sums[self._side[first][second]] += math.sqrt(force @ force)
         return sums
 
-    def _pressing(self) -> Iterator[tuple[tuple[int, int], Vector]]:
-        """Yield the two geoms of every contact that counts, and the force (3,) [N] on the second.
+    def _pressing(self) -> Iterator[tuple[int, tuple[int, int], Vector]]:
+        """Yield side and geoms of every contact that counts, and the force (3,) [N] on the second.
 
         In World.
         """
         if not self._data.ncon:
             return
         contacts, wrench = self._data.contact, self._wrench
-        frames = contacts.frame.reshape(-1, 3, 3)
         for i, (first, second) in enumerate(contacts.geom.tolist()):
-            if self._side(first, second) != NOBODY:
+            side = self._side[first][second]
+            if side != NOBODY:
                 mujoco.mj_contactForce(self._model, self._data, i, wrench)
-                yield (first, second), wrench[:3] @ frames[i]
-
-    def _side(self, first: int, second: int) -> int:
-        """Return whose contact with what stands this is, `OWN` or `NOBODY`."""
-        if self._rolls[first] or self._rolls[second]:
-            return NOBODY
-        if (first in self._fixed) != (second in self._fixed):
-            return self._side_of[second if first in self._fixed else first]
-        return OWN if first not in self._fixed else NOBODY
+                yield side, (first, second), wrench[:3] @ contacts.frame[i].reshape(3, 3)
