@@ -38,55 +38,55 @@ ROUNDEST: Final = 0.02
 
 
 def held(
-    tube: Array, gap: Array, promise: Array, speed: Array, between: float
+    tube: Array, gap: Array, promise: Array, nearer: Array, between: float
 ) -> tuple[Array, Array, Index]:
     """Return minimum gaps (k,) [m], floors as if none were held, and which are.
 
-    A gap is held if it is below its minimum, or may be soon since an obstacle moves.
+    A gap is held if it is below its minimum, or may be within `HORIZON_S` by an obstacle's motion
+    alone: `nearer` (s, k) [m] is how much nearer pairs may be, in the last row then, or (0, 0).
     """
     needed, floor = np.empty(len(gap)), np.empty(len(gap))
     which = np.empty(len(gap), dtype=np.int64)
-    count = _hold(tube, gap, promise, speed, between, needed, floor, which)
+    count = _hold(tube, gap, promise, nearer, between, needed, floor, which)
     return needed, floor, which[:count]
 
 
-@compiled(VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, ROW, ROW, COUNTS)
+@compiled(VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, ROW, ROW, COUNTS)
 def _hold(
-    tube: Array, gap: Array, promise: Array, speed: Array, between: float,
+    tube: Array, gap: Array, promise: Array, nearer: Array, between: float,
     needed: Array, floor: Array, which: Index,
 ) -> int:  # fmt: skip
     count = 0
     for i in range(len(gap)):
         needed[i], floor[i] = promise[i] + tube[i] + between, np.inf
-        if gap[i] < needed[i] + speed[i] * HORIZON_S:
+        soon = nearer[len(nearer) - 1, i] if len(nearer) else 0.0
+        if gap[i] < needed[i] + soon:
             which[count] = i
             count += 1
     return count
 
 
 def kept(
-    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    rows: Array, error: Array, gap: Array, promise: Array, nearer: Array,
     margin: float, between: float,
 ) -> tuple[Array, Array, Array, Array, Index]:  # fmt: skip
     """Return tube and room (k,), as in `Sight`, and what `held` does.
 
-    `error` (n,) [rad] is what joints are behind; `nearer` (1, k) [m], or (0, 0), how much nearer
-    pairs may be before the arm is where the command is now.
+    `error` (n,) [rad] is what joints are behind; `nearer` (2, k) [m], or (0, 0), how much nearer
+    pairs may be before the arm is where the command is now, and within `HORIZON_S`.
     """
     k = len(gap)
     tube, room, needed, floor = np.zeros(k), np.empty(k), np.empty(k), np.empty(k)
     which = np.empty(k, dtype=np.int64)
     count = _keep(
-        rows, error, gap, promise, speed, nearer, margin, between, tube, room, needed, floor, which
+        rows, error, gap, promise, nearer, margin, between, tube, room, needed, floor, which
     )
     return tube, room, needed, floor, which[:count]
 
 
-@compiled(
-    MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, ROW, ROW, ROW, ROW, COUNTS
-)
+@compiled(MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, NUMBER, NUMBER, ROW, ROW, ROW, ROW, COUNTS)
 def _keep(
-    rows: Array, error: Array, gap: Array, promise: Array, speed: Array, nearer: Array,
+    rows: Array, error: Array, gap: Array, promise: Array, nearer: Array,
     margin: float, between: float,
     tube: Array, room: Array, needed: Array, floor: Array, which: Index,
 ) -> int:  # fmt: skip
@@ -97,7 +97,7 @@ def _keep(
         room[i] = gap[i] - promise[i] - margin - tube[i]
         if len(nearer):
             room[i] -= nearer[0, i]
-    return _hold(tube, gap, promise, speed, between, needed, floor, which)
+    return _hold(tube, gap, promise, nearer, between, needed, floor, which)
 
 
 def wanted(
@@ -264,8 +264,9 @@ class Clearance:
         if base is not None:
             near = _on_moving_base(near, base)
         tube, room, needed, floor, which = kept(
-            near.rows, error, near.gap, near.promise, near.speed,
-            _STILL if still else self._nearer(near, scene, base, [LATENCY * self._period_s]),
+            near.rows, error, near.gap, near.promise,
+            _STILL if still
+            else self._nearer(near, scene, base, [LATENCY * self._period_s, HORIZON_S]),
             self._margin, self._between,
         )  # fmt: skip
         levels = self._floors(near, floor, which, scene, levels)
@@ -300,11 +301,13 @@ class Clearance:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
         around = way + BESIDE + self._margin
         near = self.search.find(sight.near.placed, sight.scene, around, HORIZON_S)
-        tube = np.full(near.size, float(sight.tube.max(initial=0.0)))
-        needed, floor, which = held(tube, near.gap, near.promise, near.speed, self._between)
-        self._floors(near, floor, which, sight.scene, sight.levels)
         if sight.base is not None:
             near = _on_moving_base(near, sight.base)
+        tube, nearer = np.full(near.size, float(sight.tube.max(initial=0.0))), _STILL
+        if not sight.still:
+            nearer = self._nearer(near, sight.scene, sight.base, [HORIZON_S])
+        needed, floor, which = held(tube, near.gap, near.promise, nearer, self._between)
+        self._floors(near, floor, which, sight.scene, sight.levels)
         return sight._replace(around=way, near=near, tube=tube, needed=needed, floor=floor)
 
     def _sampled(

@@ -116,7 +116,7 @@ def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, cle
             assert sight.tube == pytest.approx(tube, abs=1e-12)
             assert sight.needed == pytest.approx(needed, abs=1e-12)
             assert sight.room == pytest.approx(room, abs=1e-12)
-            below = near.gap < needed + near.speed * HORIZON_S
+            below = near.gap < needed + comes * HORIZON_S / wait_s + near.carried * HORIZON_S
             np.testing.assert_array_equal(np.isfinite(sight.floor), below)
             assert len(sight.levels) == below.sum()
             held += below.sum()
@@ -125,6 +125,18 @@ def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, cle
             way = speed * (braking.lag(0.5) + 0.5 * speed / (0.5 * braking.acceleration))
             assert sight.around == pytest.approx(travel(sight.lever, way) + BESIDE + margin)
     assert held > 0
+
+
+def test_an_arm_that_stands_keeps_what_it_can_however_old_news_is(pa10, clear):
+    """What may have come near since it was told of is no reason to refuse every motion."""
+    clearance, scene = clear
+    age = np.full(3, 0.6)
+    grown = evolve(scene, speed=np.array([0.25, 0.0, 0.25]), age=age, still_after=np.full(3, 9.0))
+    q, none = pa10.posture("ready"), np.zeros(7)
+    sight = clearance.look(q, np.full(7, 1.0), none, grown, 1.0, {})
+    late = sight.near.gap - sight.needed - HORIZON_S * sight.near.speed
+    assert ((late > 0.0) & (sight.room < 0.0)).any()
+    assert clearance.violation(sight, 0.1, none, lambda t: np.tile(q, (len(t), 1))) == 0.0
 
 
 @pytest.mark.parametrize("looks", [1, 4])
