@@ -7,7 +7,19 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..compiled import ARRAY4, COUNT, FLAG, MARKS, MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
+from ..compiled import (
+    ARRAY4,
+    COUNT,
+    FLAG,
+    MARKS,
+    MATRIX,
+    NUMBER,
+    ROW,
+    TABLE,
+    VECTOR,
+    compiled,
+    inner_kernel,
+)
 from ..joints import Joints
 from ..proximity.capsules import Capsules
 from ..scene import Flags, Index
@@ -19,10 +31,14 @@ from ..spatial import Array, Pose
 # something that comes nearer at w meanwhile; a' a part of the deceleration that the joints have
 # along the gap; lag the time that jerk and period take before braking acts.
 #
-# What news shows to come at u > 0 is made way for: the gap is to change at least at u − v, and
-# where the room is used up by more, at k times that, up to `CATCH_UP` u. So a gap that
-# something closes comes to rest where it just cannot be lost, and opens again before what was
-# late is.
+# What news shows to come at u > 0 is made way for. The gap closes at u less the arm's own rate
+# away. That may be v(d) at most, and at most √(b₀² + 2 a' (d − u t)) − b₀ with b₀ = a'·lag: from
+# there the arm can still come to go aside at u while the other is t away. For news shows late how
+# fast it comes, and among several there has to be room to go aside. Where the room is used up, the
+# gap is widened at k times by how much, up to `CATCH_UP` u. So a gap that something closes comes to
+# rest where it just cannot be lost, and opens again before what was late is; and what is far may be
+# approached: it does not hold the arm before what is near. All is continuous in d, never less
+# where d is, and v(d) at u = 0.
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -39,6 +55,9 @@ ASIDE_RATE = 10.0
 
 CATCH_UP = 2.0
 """… and at most at so many times the speed at which it comes [1]."""
+
+SOON_S = 1.0
+"""t: what comes has to be away by at least so long while the arm can make way [s]."""
 
 
 class Rows(NamedTuple):
@@ -112,6 +131,12 @@ class Braking:
         return found
 
 
+@inner_kernel
+def _closing(a: float, b: float, room: float) -> float:
+    """Return v ≥ 0 [m/s] for room beyond what comes takes [m]; 0 where there is none."""
+    return math.sqrt(b * b + 2.0 * a * max(room, 0.0)) - b
+
+
 @compiled(
     MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR,
     NUMBER, NUMBER, FLAG, TABLE, ROW,
@@ -143,12 +168,14 @@ def _damp(
         a = BRAKING * size2 / slowest
         b = a * lag + comes
         left -= comes * lag
-        least[i] = b - math.sqrt(b * b + 2.0 * a * max(left, 0.0))
-        aside = u + least[i]
+        least[i] = aside = -_closing(a, b, left)
+        if u > 0.0:
+            aside = u - min(-aside, _closing(a, a * lag, left + comes * lag - SOON_S * u))
+            if left < 0.0:
+                aside = max(aside, min(-ASIDE_RATE * left, CATCH_UP * u))
         if widen:
             least[i] += min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
-        if u > 0.0:
-            least[i] = max(least[i], aside, min(ASIDE_RATE * max(-left, 0.0), CATCH_UP * u))
+        least[i] = max(least[i], aside)
 
 
 @compiled(MATRIX, VECTOR, VECTOR, MARKS)

@@ -26,6 +26,13 @@ def test_a_sample_of_scenes_keeps_every_promise(scenes):
     assert SceneSummary(scenes).kept
 
 
+@pytest.mark.parametrize("seed", [39, 79, 87])
+def test_an_arm_gets_out_of_the_way_of_what_is_near_while_another_comes(seed):
+    run = play(seed)
+    assert run.kind == "moving"
+    assert run.reasons == []
+
+
 def test_the_label_is_of_the_scene_alone():
     cell = load_cell("pa10")
     for seed in range(4):

@@ -8,6 +8,7 @@ from telerobot.server.control.barriers.rows import (
     CATCH_UP,
     RETURN_RATE,
     RETURN_SPEED,
+    SOON_S,
     Braking,
     Walled,
 )
@@ -48,7 +49,7 @@ def test_the_speed_is_that_of_the_law(gaps, factor, widen):
 
 @pytest.mark.parametrize("widen", [False, True])
 def test_what_comes_is_made_way_for(gaps, widen):
-    """At what the room does not allow; where it is used up, at k times that, twice as fast."""
+    """At what room does not allow; where that is used up, at k times by how much, at most 2 u."""
     slopes, room, closing = gaps
     alone = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen).low
     gently = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen=False).low
@@ -57,10 +58,29 @@ def test_what_comes_is_made_way_for(gaps, widen):
     stands = coming == 0.0
     np.testing.assert_array_equal(low[stands], alone[stands])
     depth = np.maximum(closing * BRAKES.lag(1.0) - room, 0.0)
-    law = np.maximum(coming + gently, np.minimum(ASIDE_RATE * depth, CATCH_UP * coming))
+    apart = room - SOON_S * coming
+    soon = BRAKES.rows(slopes, apart, (STANDS, STANDS), NO_WALLS, 1.0, widen=False).low
+    law = coming + np.maximum(gently, soon)
+    deep = np.minimum(ASIDE_RATE * depth, CATCH_UP * coming)
+    law = np.where(depth > 0.0, np.maximum(law, deep), law)
     assert low[~stands] == pytest.approx(np.maximum(alone, law)[~stands], abs=1e-12)
     inside = ~stands & (depth > 0.0)
     assert (low[inside] >= coming[inside] - 1e-12).all()
+
+
+@pytest.mark.parametrize("widen", [False, True])
+@pytest.mark.parametrize("coming", [0.02, 0.1, 0.2])
+def test_what_comes_and_is_far_may_be_approached_and_less_so_the_nearer_it_is(widen, coming):
+    """It is made way for from a second on before it arrives, and that begins without a jump."""
+    room = np.linspace(-0.1, 0.6, 7001)
+    slopes = np.tile([0.3, -0.2, 0.1], (len(room), 1))
+    each = np.full(len(room), 0.2), np.full(len(room), coming)
+    low = BRAKES.rows(slopes, room, each, NO_WALLS, 1.0, widen).low
+    assert low[-1] < -0.1
+    assert (low[room <= SOON_S * coming] >= coming - 1e-12).all()
+    steps = np.diff(low)
+    assert (steps <= 1e-12).all()
+    assert steps.min() > -0.0011  # k per step
 
 
 @pytest.mark.parametrize("widen", [False, True])
