@@ -209,8 +209,9 @@ def free_port(kind: socket.SocketKind) -> int:
 
     Raises `OSError` where all that are given away are taken.
     """
-    for _ in PRIVATE:
-        port = PRIVATE[secrets.randbelow(len(PRIVATE))]
+    first = secrets.randbelow(len(PRIVATE))
+    port: int
+    for port in (*PRIVATE[first:], *PRIVATE[:first]):
         if not _ours.take(port, kind):
             return port
     raise OSError(errno.EADDRINUSE, f"no port of {PRIVATE.start} to {PRIVATE.stop - 1} is free")
