@@ -94,6 +94,7 @@ WEIGHED_ALONE = (requests.PayloadRequest, requests.TareRequest)
 
 AT_THE_ARM = (
     motion.RedundancyRequest, requests.GripperRequest, requests.AcknowledgeLoad, m.CancelGoals,
+    m.SelfMotion, m.ArmAngle,
 )  # fmt: skip
 """Requests that may concern one arm alone while it holds a payload with others."""
 
@@ -273,7 +274,8 @@ class JointUnit:
             payload=own.payload,
             objectives=own.objectives,
         )
-        asked = evolve(asked, settings=settings, jog=None, posture=None)
+        self_motion = first.commands.self_motion.newest(now_s)
+        asked = evolve(asked, settings=settings, jog=None, posture=None, self_motion=self_motion)
         moved = first.commands.frames.moved
         inputs = tick_inputs(asked, mode, tick, reading, q, self.perception, obstacles, moved)
         if not self.vision.watching or inputs.intent is not Intent.MOVE:

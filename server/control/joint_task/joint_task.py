@@ -15,9 +15,10 @@ from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
-from ..inputs import Inputs, Intent
+from ..inputs import UNASKED, Inputs, Intent
 from ..joints import parts_of
 from ..mechanism.model import at_mrf
+from ..mechanism.self_motion import IDLE
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Forest
 from ..scene import Index
@@ -27,7 +28,18 @@ from ..stop.limiter import Commanded, Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted
 from ..task.task import Task, TaskMemory
-from .forces import SLIPPED_S, AtFault, GivingWay, Grasping, Grips, Moving, Told, light_s, weighed
+from .forces import (
+    SLIPPED_S,
+    AtFault,
+    GivingWay,
+    Grasping,
+    Grips,
+    Moving,
+    Slowed,
+    Told,
+    light_s,
+    weighed,
+)
 
 # --- Results of a joint task in one tick: for each of its arms, and for all -----------------------
 
@@ -206,6 +218,9 @@ class _Of(NamedTuple):
     held: GraspState
 
 
+_HALVINGS = 5
+"""The part of a self-motion that a fault allows is found to 1/32 [1]."""
+
 AT_EACH_GRASP = ("force", "following")
 """Sources that do not act at the shared MRF."""
 
@@ -306,10 +321,18 @@ class JointTask:
             members.append(Member(memory_of_arm, of.inputs, of.seen, rates, share * way, holding))
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
-            slowed = self.at_fault.slowed(
-                [self._moving(member, forces, i) for i, member in enumerate(members)],
-                R_world_payload,
-            )
+            slowed = self._at_fault(members, forces, R_world_payload)
+            by_hand = [m.wanted.found.by_hand.moves for m in members]
+            if slowed.share < 1.0 and any(by_hand):
+                still = [
+                    self._wanted(
+                        i, of, memory, {"common": twist, "force": way}, share, by_hand=False
+                    ).dq
+                    for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True))
+                ]
+                members, slowed = self._self_motion_slowed(
+                    members, still, slowed, forces, R_world_payload
+                )
             if slowed.share < 1.0:
                 share *= slowed.share
                 limit = f"internal_at_fault:{slowed.by}"
@@ -458,6 +481,47 @@ class JointTask:
         )
         return memory, way
 
+    def _at_fault(
+        self, members: Sequence[Member], forces: Grasping, R_world_payload: Array
+    ) -> Slowed:
+        """Return how far arms are to be slowed down for what a fault would do."""
+        moving = [self._moving(member, forces, i) for i, member in enumerate(members)]
+        return self.at_fault.slowed(moving, R_world_payload)
+
+    def _self_motion_slowed(
+        self,
+        members: list[Member],
+        still: Sequence[Array],
+        whole: Slowed,
+        forces: Grasping,
+        R_world_payload: Array,
+    ) -> tuple[list[Member], Slowed]:
+        """Return the members with as much of the self-motion by hand as slows no payload.
+
+        `still` are their joint rates (n,) without it, `whole` how far all of it is to be slowed.
+        """
+
+        def at(part: float) -> list[Member]:
+            limits = (f"internal_at_fault:{whole.by}",)
+            return [
+                m._replace(
+                    wanted=m.wanted._replace(
+                        dq=dq + part * (m.wanted.dq - dq), limits=m.wanted.limits + limits
+                    )
+                )
+                for m, dq in zip(members, still, strict=True)
+            ]
+
+        slowed = self._at_fault(at(0.0), forces, R_world_payload)
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            part = 0.5 * (low + high)
+            if self._at_fault(at(part), forces, R_world_payload).share < slowed.share:
+                high = part
+            else:
+                low = part
+        return at(low), slowed
+
     def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
         """Return what one arm is asked for, for what a fault would then do."""
         k = member.seen.kinematics
@@ -468,13 +532,26 @@ class JointTask:
         )  # fmt: skip
 
     def _wanted(
-        self, i: int, of: _Of, memory: ArmMemory, twists: dict[str, Array], share: float
+        self,
+        i: int,
+        of: _Of,
+        memory: ArmMemory,
+        twists: dict[str, Array],
+        share: float,
+        *,
+        by_hand: bool = True,
     ) -> DesiredRates:
-        """Return the twists of one arm, those in common and its own, resolved into joint rates."""
+        """Return the twists of one arm, those in common and its own, resolved into joint rates.
+
+        With what an operator asks of its spare joints, or without that.
+        """
         arm, given = self.arms[i], of.inputs
+        if not by_hand:
+            given = evolve(given, self_motion=UNASKED)
         R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
         lever = R @ (arm.p.T_wrist_tool.p - mrf.p)
-        request = RateRequest(given, memory.objectives, lever, by_hand=memory.by_hand)
+        hand = memory.by_hand if by_hand else IDLE
+        request = RateRequest(given, memory.objectives, lever, by_hand=hand)
         slowed = {name: share * twist for name, twist in twists.items()}
         wanted = arm.resolved(slowed, request, of.seen)
         limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits

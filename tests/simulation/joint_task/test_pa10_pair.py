@@ -76,8 +76,6 @@ ALONE = [
     ("cmd/joystick", {"task": "left", **BACK}),
     ("cmd/jog", {"mechanism": "right", "rates": [0.1, 0, 0, 0, 0, 0, 0]}),
     ("cmd/posture", {"mechanism": "left", "posture": "ready"}),
-    ("cmd/self_motion", {"mechanism": "left", "rate": 0.2}),
-    ("cmd/arm_angle", {"mechanism": "right", "angle": 0.5}),
 ]
 
 
