@@ -2,13 +2,14 @@
 
 import math
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from ..commands.commands import Commands
 from ..control.mechanism.wrench import LOAD_TIME_S
-from ..control.spatial import GRAVITY, Array, sizes
+from ..control.spatial import GRAVITY, Array, Pose, sizes
 from ..control.state import Output
 from ..control.task.task import FRAMES
 from ..events import Events
@@ -415,7 +416,8 @@ class ContactStability:
 # A plain wall is pressed on by the same means, and because an operator means to: it answers
 # straight against the push, through the MRF. That is told quietly, `held_up`. A peg on a rim or
 # askew in its hole is pressed beside its axis, or from the side: `jammed`, and so is a
-# payload's every stop.
+# payload's every stop. A payload that turns about one of its ends gets on at the MRF, but stops
+# there: each grasp is looked at, by how it was asked to go.
 
 SAMPLE_S = 0.1
 """It is looked so often [s]."""
@@ -435,25 +437,42 @@ ASIDE = 0.3
 """And so is one that is answered from the side by more than that part of it [1]."""
 
 
+_NOWHERE: Final = np.zeros((0, 3))
+
+
 class _Sample(NamedTuple):
     """One look; vectors (3,) in World axes."""
 
     asked: Array
     """Velocity that is asked for [m/s]."""
+    turning: Array
+    """And the angular velocity [rad/s]."""
     force: Array
     """Force that is exerted [N]."""
     moment: Array
     """And the moment, at the MRF [N·m]."""
-    at: Array
-    """Where the MRF was measured [m]."""
+    T: Pose
+    """Where the MRF was measured."""
+
+
+class _Progress(NamedTuple):
+    """How far one place of what is moved got over the window [m]."""
+
+    way: float
+    asked: float
+
+    @property
+    def left(self) -> float:
+        """What it lacks to progress; negative for one that goes on."""
+        return HELD_UP * self.asked - self.way
 
 
 class JamMonitor:
     """Tells a jam once, and again only after progress or another motion."""
 
-    def __init__(self, period_s: float, events: Events, *, carries: bool = False) -> None:
-        """Build it for a tool, or for a payload that several arms carry (`carries`)."""
-        self._events, self._carries = events, carries
+    def __init__(self, period_s: float, events: Events, grasps: Array = _NOWHERE) -> None:
+        """Build it for a tool, or for a payload with grasps (k, 3) in the axes of its MRF [m]."""
+        self._events, self._grasps = events, grasps
         self._every = max(1, round(SAMPLE_S / period_s))
         self._ticks = 0
         self._seen: deque[_Sample] = deque(maxlen=1 + round(JAMMED_S / SAMPLE_S))
@@ -469,16 +488,16 @@ class JamMonitor:
         if output is None or output.seen.wrench is None:
             self._forget()
             return
-        asked = np.zeros(3)
+        asked = np.zeros(6)
         for name, twist in output.desired.twists.items():
             if name not in WRENCH_SOURCES and name != FRAMES:
-                asked += twist[:3]
-        if _size(asked) < SLOWEST:
+                asked += twist
+        if _size(asked[:3]) < SLOWEST:
             self._forget()
             return
         T = output.T_world_mrf_measured
         force, moment = output.seen.wrench.reshape(2, 3) @ T.R.T
-        self._seen.append(_Sample(asked, force, moment, T.p))
+        self._seen.append(_Sample(asked[:3], asked[3:], force, moment, T))
         if len(self._seen) == self._seen.maxlen:
             self._judge()
 
@@ -491,14 +510,16 @@ class JamMonitor:
             self.jammed = self._held = False
             return
         along = asked / speed
-        way = float((seen[-1].at - seen[0].at) @ along)
+        turning = np.mean([sample.turning for sample in seen], axis=0)
+        places = self._progress(seen[0].T, seen[-1].T, asked, turning, along)
+        way, asked_m = least = max(places, key=lambda place: place.left)
         pressed = min(float(sample.force @ along) for sample in seen)
-        held = way < HELD_UP * speed * JAMMED_S and pressed > PRESSED_N
+        held = least.left > 0.0 and pressed > PRESSED_N
         force = np.mean([sample.force for sample in seen], axis=0)
         moment = np.mean([sample.moment for sample in seen], axis=0)
-        jammed = held and (self._carries or _on_edge(force, moment, along))
+        jammed = held and (len(self._grasps) > 0 or _on_edge(force, moment, along))
         if (jammed and not self.jammed) or (held and not self._held):
-            push, asked_m = float(force @ along), speed * JAMMED_S
+            push = float(force @ along)
             (self._events.warning if jammed else self._events.info)(
                 "jammed" if jammed else "held_up",
                 f"pressed with {push:.1f} N for {JAMMED_S:g} s and got {1e3 * way:.1f} mm further "
@@ -509,6 +530,17 @@ class JamMonitor:
             )
         # The sensor's noise takes nothing back that was told.
         self.jammed, self._held = held and (jammed or self.jammed), held
+
+    def _progress(
+        self, before: Pose, now: Pose, asked: Array, turning: Array, along: Array
+    ) -> Iterator[_Progress]:
+        """Yield how far the MRF and each grasp got `along` from one pose to another."""
+        for place in (np.zeros(3), *self._grasps):
+            arm = before.R @ place
+            speed = float((asked + np.cross(turning, arm)) @ along)
+            if speed >= SLOWEST:
+                way = now.p + now.R @ place - before.p - arm
+                yield _Progress(float(way @ along), speed * JAMMED_S)
 
     def _forget(self) -> None:
         self._seen.clear()

@@ -132,7 +132,8 @@ class JointUnit:
         self.in_proportion = section.quick_stop == "in_proportion"
         """A quick stop is told the ramps by which all joints come to rest together."""
         self._told = [0] * len(units)
-        self.jam = JamMonitor(cell.config.timing.period_s, self.events, carries=True)
+        held = [Pose.from_xyz_rpy(T.xyz, T.rpy).inverse().p for T in section.T_wrist_mrf]
+        self.jam = JamMonitor(cell.config.timing.period_s, self.events, np.array(held))
         """Whether contact holds up what is asked of the payload."""
         self._payload = section.payload
         sensor = units[0].cell.config.mechanism.force_torque

@@ -4,10 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.perception.contact import JAMMED_S, PRESSED_N, JamMonitor
 
 T, SPEED = 0.01, 0.004
+GRASPS = np.array([[0.0, 0.4, 0.0], [0.0, -0.4, 0.0]])
 ALONG = np.array([SPEED, 0.0, 0.0])
 
 
@@ -28,18 +29,22 @@ def monitor(told):
     return JamMonitor(T, told)
 
 
-def play(monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None, aside=0.0, lever=0.005):
+def play(
+    monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None, aside=0.0, lever=0.005, turns=0.0,
+    turning=0.0,
+):  # fmt: skip
     """Ask for a velocity, go a part of it, press along x with a force; return where it came to.
 
-    It is answered from `aside` by a part of that, at a `lever` from the MRF.
+    It is answered from `aside` by a part of that, at a `lever` from the MRF. About z it `turns`,
+    where a `turning` is asked for [rad/s].
     """
     at = np.zeros(3) if at is None else at
     for k in range(round(seconds / T)):
         u = asked(k * T) if callable(asked) else asked
         at = at + goes * T * u
         wrench = None if force is None else force * np.array([1.0, aside, 0.0, 0.0, 0.0, lever])
-        twists = {"joystick": np.concatenate([u, np.zeros(3)]), "force": -np.ones(6)}
-        pose = Pose(np.eye(3), at)
+        twists = {"joystick": np.array([*u, 0.0, 0.0, turning]), "force": -np.ones(6)}
+        pose = Pose(rotation_exp(np.array([0.0, 0.0, k * T * turns])), at)
         seen, desired = SimpleNamespace(wrench=wrench), SimpleNamespace(twists=twists)
         monitor.update(SimpleNamespace(seen=seen, desired=desired, T_world_mrf_measured=pose))
     return at
@@ -112,5 +117,29 @@ def test_a_wall_whose_edge_the_tool_slips_onto_is_a_jam_from_then_on(monitor, to
 
 
 def test_whatever_a_payload_presses_on_is_a_jam(told):
-    play(JamMonitor(T, told, carries=True), 3.0, lever=0.0)
+    play(JamMonitor(T, told, GRASPS), 3.0, lever=0.0)
     assert [name for name, _ in told] == ["jammed"]
+
+
+def test_a_payload_that_turns_about_one_end_is_a_jam_there(told):
+    """Its middle goes on at half the speed that is asked for; one end stands."""
+    turns = 0.5 * SPEED / 0.4
+    play(JamMonitor(T, told, GRASPS), JAMMED_S - 0.2, goes=0.5, turns=turns)
+    assert told == []
+    play(JamMonitor(T, told, GRASPS), JAMMED_S + 0.2, goes=0.5, turns=turns)
+    ((name, values),) = told
+    assert name == "jammed"
+    assert values["way_m"] == pytest.approx(0.0, abs=1e-4)
+    assert values["asked_m"] == pytest.approx(SPEED * JAMMED_S)
+
+
+@pytest.mark.parametrize("turns", [1.0, -1.0, 0.5])
+def test_a_payload_that_turns_as_it_is_asked_to_is_none(told, turns):
+    turning = turns * 0.5 * SPEED / 0.4
+    play(JamMonitor(T, told, GRASPS), 5.0, goes=1.0, turns=turning, turning=turning)
+    assert told == []
+
+
+def test_a_tool_that_turns_as_it_goes_on_is_none(monitor, told):
+    play(monitor, 5.0, goes=0.5, turns=0.5 * SPEED / 0.4)
+    assert told == []
