@@ -35,6 +35,26 @@ def move(master: Master, joint: str, speed: float, periods: int) -> None:
 # --- the CANopen slave --------------------------------------------------------------------------
 
 
+def test_a_drive_whose_only_frames_are_syncs_and_setpoints_comes_on_and_stops_in_time(
+    master: Master,
+) -> None:
+    """No heartbeat of anybody's makes it look what is due."""
+    master.beating = False
+    master.configure()
+    for joint in master.drives:
+        master.write(joint, can301.CommunicationObject.PRODUCER_HEARTBEAT, 0, "<H", 0)
+    master.cycle(5)
+    for word in (Controlword.SHUTDOWN, Controlword.SWITCH_ON, Controlword.ENABLE_OPERATION):
+        master.command(word)
+        for _ in range(6):
+            master.seed()
+            master.cycle()
+    assert master.state(JOINT) is DriveState.OPERATION_ENABLED
+    master.command(Controlword.QUICK_STOP)
+    master.cycle(4)
+    assert master.state(JOINT) is DriveState.SWITCH_ON_DISABLED
+
+
 def test_every_node_announces_itself_once(master: Master) -> None:
     for drive in master.drives.values():
         beats = [d for _, i, d in master.frames if i == can301.heartbeat_id(drive.node)]
