@@ -216,17 +216,23 @@ NEARER: Final = 1e-3
 class SelfMotionCommands:
     """How the operator moves the spare joints of one arm."""
 
-    def __init__(self, timeout_s: float, most: float = 0.0, *, angled: bool = False) -> None:
-        """Build it for rates of at most `most`: of the arm angle [rad/s] where the arm is `angled`.
+    def __init__(
+        self,
+        timeout_s: float,
+        spare: Callable[[], int] = int,
+        most: float = 0.0,
+        *,
+        angled: bool = False,
+    ) -> None:
+        """Build it; `spare` says how many freedoms are spare now. With none all is refused.
 
-        Else in parts of its quickest [1]. Without one every command is refused.
+        Rates are at most `most`: of the arm angle [rad/s] where the arm is `angled`, else in parts
+        of its quickest [1].
         """
-        self._most, self._angled = most, angled
+        self._spare, self._most, self._angled = spare, most, angled
         self._stream = Stream[m.SelfMotion](timeout_s)
         self._goal: SelfMotionRequest | None = None
         self._least, self._since_s = math.inf, 0.0
-        self.spare: Callable[[], int] = lambda: 0
-        """How many freedoms are spare now."""
 
     @property
     def target(self) -> float | None:
@@ -302,7 +308,7 @@ class SelfMotionCommands:
         self._goal = None
 
     def _require_spare(self) -> None:
-        if self.spare() < 1:
+        if self._spare() < 1:
             raise Refused(Why.NO_SPARE_JOINT, "the arm has no spare joint: its task holds them all")
 
 

@@ -229,10 +229,10 @@ class Unit:
         self.commands = Commands.from_cell(cell, settings)
         self.commands.self_motion = SelfMotionCommands(
             cell.config.timing.stream_timeout_s,
+            self._spare,
             arm.body.by_hand.most,
             angled=arm.mechanism.arm_angle is not None,
         )
-        self.commands.self_motion.spare = self._spare
         self.ahead = LookingAhead.from_cell(cell)
         """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
