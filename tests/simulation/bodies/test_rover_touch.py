@@ -112,16 +112,18 @@ def test_an_axis_that_sweeps_does_not_give_way_and_uses_up_no_leash() -> None:
     assert max(tilt) - min(tilt) < 2e-3
 
 
-def sinking(run: Simulation, bridge: RigBridgeSection, *, farther_m: float) -> Callable[..., None]:
-    """Lower the beam at 0.1 m/s onto the arm, and so much farther when it touches it [m]."""
+def sinking(
+    run: Simulation, bridge: RigBridgeSection, *, farther_m: float, speed: float = 0.1
+) -> Callable[..., None]:
+    """Lower the beam onto the arm, and so much farther when it touches it [m]."""
     at = [bridge.height + 0.05]
     left = [farther_m]
 
     def sink(_run: Simulation) -> None:
         touching = any(run.truths[-1].contact_force) or left[0] < farther_m
         if run.clock.time_s > 0.7 and left[0] > 0.0:
-            at[0] -= 0.001
-            left[0] -= 0.001 * touching
+            at[0] -= 0.01 * speed
+            left[0] -= 0.01 * speed * touching
             place = (bridge.distance + 0.1, 0.0, at[0])
             run.rig.inject(RigFault(kind="place", target="bridge_beam", vector=place))
 
@@ -149,6 +151,20 @@ def test_a_beam_that_comes_down_on_the_arm_is_given_way_to_however_far(
     assert left or not any(any(truth.contact_force) for truth in result.truths[-20:])
     assert np.abs(result.truths[-1].dq).max() < 0.01
     assert result.summary["limit_violations"] == 0
+
+
+def test_a_wrist_that_a_quick_beam_throws_back_is_followed_into_hold() -> None:
+    """At 0.2 m/s its motor slips at its torque limit, 0.2 rad before the command comes after it."""
+    above = RigBridgeSection(height=1.45, distance=0.15, thickness=0.2)
+    run = rover(seconds=2.5, bridge=above)
+    run.on_tick = sinking(run, above, farther_m=0.06, speed=0.2)
+    result = run.run()
+    names = [event.name for event in run.events]
+    assert "fault" not in names
+    assert "gave_way" in names
+    assert result.summary["mode"] == "hold"
+    assert not any(any(truth.contact_force) for truth in result.truths[-20:])
+    assert max(float(np.linalg.norm(truth.contact_force)) for truth in result.truths) < 500.0
 
 
 def test_free_motion_of_base_and_arm_is_no_push() -> None:
