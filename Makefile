@@ -17,6 +17,7 @@ PEERS_STAMP := $(PEERS)/.installed
 DOCS := .venv-docs
 DOCS_STAMP := $(DOCS)/.installed
 JOBS ?= 2
+HIL_JOBS ?= $(JOBS)
 QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -69,7 +70,7 @@ test: venv ## The quick tests in parallel, then a few with processes and in the 
 
 test-all: venv ## All tests: in parallel, then those that start processes, then the browser's
 	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
-	@$(BIN)/pytest -q -m "hil and not alone" -n $(JOBS)
+	@$(BIN)/pytest -q -m "hil and not alone" -n $(HIL_JOBS)
 	@$(BIN)/pytest -q -m "hil and alone"
 	@$(BIN)/pytest -q -m browser
 
