@@ -6,7 +6,6 @@ Exit codes: 0 well, 1 the thing failed, 2 bad usage or bad config, 130 interrupt
 """
 
 import argparse
-import gc
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -79,8 +78,6 @@ def _guarded(name: str, run: Callable[[], int]) -> int:
     """Run a command; tell in one line what went wrong, and return its exit code."""
     # Matrices of this size are slower on several threads; must stand before numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # What is imported is no garbage: looking through it time and again takes a tenth of a start.
-    gc.set_threshold(50_000, 20, 20)
     try:
         with told():
             return run()
