@@ -17,7 +17,7 @@ PEERS_STAMP := $(PEERS)/.installed
 DOCS := .venv-docs
 DOCS_STAMP := $(DOCS)/.installed
 JOBS ?= 2
-HIL_JOBS ?= $(JOBS)
+HIL_JOBS ?= 0
 QUICK := not slow and not hil and not browser
 export OPENBLAS_NUM_THREADS ?= 1
 
