@@ -299,6 +299,14 @@ def open_bus(config: BusSection, hub: Hub | None = None) -> can.BusABC:
         raise DeviceError(f"{where}: {words}") from error
 
 
+def descriptor_of(bus: can.BusABC) -> int:
+    """Return the descriptor of a bus to select on, -1 where its interface has none."""
+    try:
+        return bus.fileno()
+    except NotImplementedError:
+        return -1
+
+
 def hear_only(bus: can.BusABC, identifiers: Collection[int]) -> None:
     """Let the kernel drop data frames of all but some identifiers, where a kernel has the bus.
 

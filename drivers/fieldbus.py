@@ -17,7 +17,7 @@ import canopen
 from ..config.load import Cell
 from ..protocols.canopen import can301
 from ..protocols.canopen.can301 import FrameError
-from .bus import hear_only, open_bus
+from .bus import descriptor_of, hear_only, open_bus
 from .device import Cause, DeviceError, Trouble
 
 # --- The CAN master on one bus: SYNC, heartbeat, dispatch of frames, and SDO without a thread -----
@@ -196,10 +196,7 @@ class Fieldbus:
     @property
     def descriptor(self) -> int:
         """Descriptor to select on, -1 where the interface has none."""
-        try:
-            return self.bus.fileno()
-        except NotImplementedError:
-            return -1
+        return descriptor_of(self.bus)
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Dispatch frames until `condition` holds; return False if it does not in time [s]."""

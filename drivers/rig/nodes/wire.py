@@ -3,7 +3,7 @@
 import can
 
 from ....protocols.canopen import can301
-from ...bus import BusErrors
+from ...bus import BusErrors, descriptor_of
 from .canopen import CanNode
 from .node import Node, NodeLink
 
@@ -52,10 +52,7 @@ class Wire:
     @property
     def descriptor(self) -> int:
         """Descriptor of the bus to select on, -1 where the interface has none."""
-        try:
-            return self._bus.fileno()
-        except NotImplementedError:
-            return -1
+        return descriptor_of(self._bus)
 
     @property
     def stamp(self) -> float | None:
