@@ -14,6 +14,12 @@ from .process import MonotonicClock
 COLLECT_PART = 0.3
 """Part of a period in which the drives' answers are waited for [1]."""
 
+ALL_THERE = 0.9
+"""Part of all ticks that find every answer there when the loop wakes for them [1]."""
+
+STEP_S = 2e-5
+"""Step by which the instant to wake at follows when answers come [s]."""
+
 GATHER_S = 1e-3
 """So long before a deadline the bus is emptied: it must not make SYNC late [s]."""
 
@@ -79,7 +85,7 @@ def run(
 ) -> LoopStatistics:
     """Run cycles until `go_on` says no; return what it was like."""
     statistics = LoopStatistics()
-    deadline = clock.now() + period_s
+    deadline, usual_s = clock.now() + period_s, 0.0
     while go_on(cycle):
         if cycle.pressed:
             clock.sleep_until(deadline - LISTEN_PART * period_s)
@@ -89,7 +95,7 @@ def run(
         clock.sleep_until(deadline)
         late = clock.now() - deadline
         cycle.begin()
-        _collect(cycle, clock, deadline + COLLECT_PART * period_s)
+        usual_s = _collect(cycle, clock, deadline + late, usual_s, COLLECT_PART * period_s)
         cycle.finish()
         end = clock.now()
         _note(statistics, cycle, late, end - deadline)
@@ -114,13 +120,25 @@ def next_deadline(deadline_s: float, now_s: float, period_s: float) -> tuple[flo
     return following + skipped * period_s, skipped
 
 
-def _collect(cycle: Cycle, clock: MonotonicClock, until_s: float) -> None:
-    """Take in the drives' answers as they come, until all are there or time is up."""
+def _collect(
+    cycle: Cycle, clock: MonotonicClock, sent_s: float, usual_s: float, most_s: float
+) -> float:
+    """Take in the drives' answers to the SYNC of `sent_s`, until all are there or time is up.
+
+    The loop wakes `usual_s` after it for all of them: to wake for each costs more than to take it
+    in. Returns when to wake for the next ones, at most `most_s` [s]: a little sooner where all were
+    there, else later, which finds the quantile `ALL_THERE` (Robbins and Monro, 1951).
+    """
+    clock.sleep_until(sent_s + usual_s)
+    waited = False
     while not cycle.plant.answered():
-        left = until_s - clock.now()
+        left = sent_s + most_s - clock.now()
         if left <= 0.0:
-            return
+            return usual_s
         cycle.plant.buses.wait(left)
+        waited = True
+    step_s = ALL_THERE * STEP_S if waited else (ALL_THERE - 1.0) * STEP_S
+    return min(max(usual_s + step_s, 0.0), most_s)
 
 
 def _note(statistics: LoopStatistics, cycle: Cycle, late: float, busy: float) -> None:

@@ -167,3 +167,59 @@ def test_under_a_flood_the_network_is_listened_to_between_two_ticks():
     run(cycle, clock, 0.01, lambda cycle: cycle.tick < 7)
     assert cycle.heard == [0.025, 0.035, 0.045]
     assert cycle.told == [0] * 7
+
+
+class _Answering(_Stalling):
+    """Seven drives answer each SYNC one after the other, the last `late_s` after it, in random."""
+
+    def __init__(self, clock, rng, ticks):
+        super().__init__(clock)
+        self.plant, self.buses = self, self
+        self._rng, self._ticks, self.looks = rng, ticks, []
+        self.unanswered = range(0)
+        """Ticks whose last answer never comes."""
+
+    def gather(self):
+        pass
+
+    def begin(self):
+        self.tick += 1
+        self.looks.append(0)
+        last = self.clock.time_s + self._rng.uniform(0.8e-3, 1.2e-3)
+        self._come = [last - 1e-4 * i for i in range(7)]
+        if self.tick in self.unanswered:
+            self._come[0] = float("inf")
+
+    def answered(self):
+        self.looks[-1] += 1
+        return all(at <= self.clock.time_s for at in self._come)
+
+    def wait(self, timeout_s):
+        left = [at - self.clock.time_s for at in self._come if at > self.clock.time_s]
+        self.clock.time_s += min(timeout_s, *left)
+
+    def finish(self):
+        self.finished_s = self.clock.time_s
+
+    def missed(self, _periods):
+        pass
+
+
+def test_the_loop_wakes_once_for_all_answers_and_no_later_than_needed(rng):
+    clock = _Clock()
+    cycle = _Answering(clock, rng, 2000)
+    statistics = run(cycle, clock, T, lambda c: c.tick < 2000)
+    assert sum(cycle.looks[:5]) > 30  # not learnt yet: woken for each
+    settled = cycle.looks[1000:]
+    assert 0.85 < settled.count(1) / len(settled) < 0.95
+    assert max(list(statistics.busy)[1000:]) < 1.25e-3
+
+
+def test_answers_that_stay_away_teach_the_loop_nothing(rng):
+    clock = _Clock()
+    cycle = _Answering(clock, rng, 2000)
+    cycle.unanswered = range(1000, 1500)
+    statistics = run(cycle, clock, T, lambda c: c.tick < 1510)
+    busy = list(statistics.busy)
+    assert min(busy[1000:1490]) == pytest.approx(0.3 * T, abs=1e-5)  # given up in time
+    assert max(busy[1500:]) < 1.25e-3
