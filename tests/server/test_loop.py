@@ -223,3 +223,16 @@ def test_answers_that_stay_away_teach_the_loop_nothing(rng):
     busy = list(statistics.busy)
     assert min(busy[1000:1490]) == pytest.approx(0.3 * T, abs=1e-5)  # given up in time
     assert max(busy[1500:]) < 1.25e-3
+
+
+@pytest.mark.parametrize(("period_s", "before_s"), [(0.01, 4e-4), (0.001, 2e-4)])
+def test_the_bus_is_emptied_just_before_each_sync(period_s, before_s):
+    clock = _Clock()
+    cycle = _Stalling(clock)
+    gathered, begun = [], []
+    cycle.gather = lambda: gathered.append(clock.time_s)
+    cycle.begin = lambda: begun.append(clock.time_s)
+    cycle.finish = lambda: setattr(cycle, "tick", cycle.tick + 1)
+    run(cycle, clock, period_s, lambda c: c.tick < 5)
+    apart = [b - a for a, b in zip(gathered, begun, strict=True)]
+    assert apart == pytest.approx([before_s] * 5)
