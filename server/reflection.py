@@ -1,11 +1,12 @@
-"""Force reflection, the daemon's side: the force for the handle, and passive ports over a delay."""
+"""Force reflection: the force for the handle, passive ports over a delay, a held stick's loop."""
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..config.schema.network import ReflectionSection
+from ..config.schema.network import HandleSection, HandSection, ReflectionSection
 from ..protocols.messages.messages import Reflection
 from .control.spatial import Array, rotate_twist
 from .control.task.task import GAIN_TIME_S
@@ -71,6 +72,51 @@ def damping(port: Port, far: float, reserve: float, speed2: float, step_s: float
     if owed <= 0.0 or speed2 <= 0.0:
         return 0.0
     return owed / (speed2 * step_s)
+
+
+# --- Loop of rate mode through the operator: gain, bound, and low-pass above the bound ------------
+#
+# A stick makes the arm push with F = K_HC u / K_F whatever the network does (Williams 1997,
+# 2.6): the arm's own loop sees to that. Reflected, the force moves the stick: a loop of gain `g
+# = K_FR c K_HC / K_F` at rest, c being the stick's rate for each newton on it. Below one, a
+# loop of gain g without resonance is stable at any delay (small gain); above, a low-pass that
+# is slow against all delays takes the gain away where the phase is lost.
+WELL_DAMPED = 0.7  # damping ratio from which a held stick counts as without resonance [1]
+BOUND_DAMPED, BOUND = 0.6, 0.4  # greatest loop gain that needs no filter, well damped and not [1]
+GREATEST = 4.0  # above this loop gain, the filtered loop does not settle either [1]
+FILTER_PER_GAIN = 1.5  # filter time for each unit of gain, as a part of all delays [1]
+ARM_S = 0.08  # lag of the arm's side: its force loop, drives and filter [s]
+
+
+@dataclass(frozen=True)
+class HeldStick:
+    """Dynamics of a stick with a hand on it, as the loop sees it."""
+
+    rate_per_force: float  # c: the rate that it asks for, for each newton on it [m/s/N]
+    damping_ratio: float  # ζ [1]
+    lag_s: float  # delay of its response to a force [s]
+
+    @classmethod
+    def of(cls, handle: HandleSection, hand: HandSection) -> Self:
+        """Take it from the springs and dampers of handle and hand."""
+        stiffness = handle.spring + hand.stiffness
+        damping = handle.damping + handle.spring_damping + hand.damping
+        return cls(
+            handle.speed / handle.travel / stiffness,
+            damping / (2.0 * math.sqrt(stiffness * handle.mass)),
+            damping / stiffness,
+        )
+
+    @property
+    def bound(self) -> float:
+        """Greatest loop gain that needs no filter [1]."""
+        return BOUND_DAMPED if self.damping_ratio >= WELL_DAMPED else BOUND
+
+    def filter_s(self, gain: float, round_trip_s: float) -> float:
+        """Return the low-pass time that a loop gain needs at a round trip, 0 for none [s]."""
+        if gain <= self.bound:
+            return 0.0
+        return FILTER_PER_GAIN * gain * (round_trip_s + ARM_S + self.lag_s)
 
 
 # --- Force reflection, the daemon's side: the force for the handle, and the arm's passivity port

@@ -16,11 +16,10 @@ from ...server.control.grasps.views import mean_of
 from ...server.control.joint_task.forces import Moving, weight_of
 from ...server.control.joint_task.joint_task import FIT_M, JointTask
 from ...server.control.spatial import Array, Pose, rotate_twist
-from ...server.reflection import pose_stiffness
+from ...server.reflection import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick, pose_stiffness
 from ...server.stability.judgement import PayloadBounds, error_delay_periods, payload_words
 from ...server.stability.loads import SharedLoad
 from ...server.stability.loops import ForceLoop, bound
-from ..client.reflection import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick
 from .drives import ROOM, payloads, reading_finding
 from .findings import Finding, Severity, Value, graded
 

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from telerobot.config.load import Cell, altered
 from telerobot.protocols import topics as t
+from telerobot.server.control.spatial import Array
 from telerobot.server.reflection import pose_stiffness
-from telerobot.tools.client.reflection import Array
 from telerobot.tools.scripts.script import Script, load_script
 from telerobot.tools.simulation.simulation import Simulation
 

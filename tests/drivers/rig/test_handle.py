@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from telerobot.config.schema.network import HandleSection, HandSection
-from telerobot.tools.client.reflection import STEP_S, HandPath, SimulatedHandle, jacobian, place
+from telerobot.drivers.rig.handle import STEP_S, HandPath, SimulatedHandle, jacobian, place
 
 NOTHING = np.zeros(6)
 

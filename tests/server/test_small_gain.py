@@ -4,7 +4,7 @@ from collections import deque
 
 import pytest
 from telerobot.config.schema.network import HandleSection, HandSection
-from telerobot.tools.client.reflection import ARM_S, GREATEST, HeldStick
+from telerobot.server.reflection import ARM_S, GREATEST, HeldStick
 
 STEP_S = 0.002
 
