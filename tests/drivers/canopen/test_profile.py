@@ -9,8 +9,9 @@ from telerobot.drivers.device import DeviceError
 from telerobot.drivers.rig.nodes.canopen import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
+from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.hardware.trial import rules, try_drive
-from telerobot.tools.checks.hardware.tried_drive import Rule, RuleOutcome, TriedDrive
+from telerobot.tools.checks.hardware.tried_drive import Rule, TriedDrive
 
 from ..rig.on_a_bus import OnABus
 
@@ -49,10 +50,10 @@ def test_without_leave_no_drive_is_powered_and_afterwards_it_is_as_before(bench:
 
     bench.rig.step = watched  # type: ignore[method-assign]  # looks on
     try:
-        verdicts = list(try_drive(bench.fieldbus, bench.node(JOINT), power=False))
+        found = list(try_drive(bench.fieldbus, bench.node(JOINT), power=False))
     finally:
         bench.rig.step = step  # type: ignore[method-assign]
-    assert [v.detail for v in verdicts if v.outcome is not RuleOutcome.KEPT] == []
+    assert [f.text for f in found if f.status is not Severity.OK] == []
     assert states <= {DriveState.SWITCH_ON_DISABLED, DriveState.READY_TO_SWITCH_ON}
     assert {index: drive.objects[index, 0] for index in before} == before
     assert bench.rig.world.q == pytest.approx(posture, abs=1e-5)
@@ -64,10 +65,10 @@ def test_a_drive_that_breaks_a_rule_is_told_with_its_clause(
     """One that takes any mode, and sends nothing on change, as this one once did."""
     monkeypatch.setattr(bench.rig.drives[JOINT].objects, "choices", {})
     monkeypatch.setattr(CanNode, "_tell", lambda *_: None)
-    verdicts = list(try_drive(bench.fieldbus, bench.node(JOINT), power=False))
-    broken = {v.rule.clause: v.detail for v in verdicts if v.outcome is RuleOutcome.BROKEN}
+    found = list(try_drive(bench.fieldbus, bench.node(JOINT), power=False))
+    broken = {f.check: f.text for f in found if f.status is Severity.ERROR}
     assert set(broken) == {"CiA 301, 7.5.2.37", "CiA 402-2, 6060h", "CiA 402-2, 605Ah"}
-    assert broken["CiA 402-2, 6060h"] == "6060h:0 takes 99"
+    assert broken["CiA 402-2, 6060h"].endswith(": 6060h:0 takes 99")
 
 
 def _switch_on(bench: OnABus) -> None:

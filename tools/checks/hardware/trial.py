@@ -6,7 +6,6 @@ from typing import Final
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ....config.schema.bus import Entry
 from ....config.schema.mechanism import DriveSection
 from ....drivers.canopen.sdo import SdoAbortError, SdoSilenceError, named
 from ....drivers.device import DeviceError
@@ -42,8 +41,6 @@ from .tried_drive import (
     AbsentError,
     BrokenError,
     Rule,
-    RuleOutcome,
-    RuleVerdict,
     TriedDrive,
 )
 
@@ -516,8 +513,8 @@ def rules(*, power: bool) -> tuple[Rule, ...]:
     return (*COMMUNICATION, *POWER_OFF, *(POWER_ON if power else ()))
 
 
-def try_drive(fieldbus: Fieldbus, node: int, *, power: bool) -> Iterator[RuleVerdict]:
-    """Try every rule on one node.
+def try_drive(fieldbus: Fieldbus, node: int, *, power: bool) -> Iterator[Finding]:
+    """Try every rule on one node: an error where it is broken, a warning where it is absent.
 
     Raises `DeviceError` where another master is heard, the node does not answer, or is on.
     """
@@ -532,53 +529,39 @@ def try_drive(fieldbus: Fieldbus, node: int, *, power: bool) -> Iterator[RuleVer
     subject.restart()
     for rule in rules(power=power):
         try:
-            outcome, detail = _outcome(rule.judge, subject)
+            status, outcome, detail = _outcome(rule.judge, subject)
         finally:
             subject.put_back()
-        yield RuleVerdict(rule, outcome, detail)
+        text = f"{rule.promise}: {detail}" if detail else rule.promise
+        yield Finding(rule.clause, status, text, {"outcome": outcome})
 
 
-def _outcome(judge: Callable[[TriedDrive], None], subject: TriedDrive) -> tuple[RuleOutcome, str]:
+def _outcome(judge: Callable[[TriedDrive], None], subject: TriedDrive) -> tuple[Severity, str, str]:
     try:
         judge(subject)
     except AbsentError as error:
-        return RuleOutcome.ABSENT, str(error)
+        return Severity.WARN, "absent", str(error)
     except (BrokenError, DeviceError, FrameError) as error:
-        return RuleOutcome.BROKEN, str(error)
-    return RuleOutcome.KEPT, ""
+        return Severity.ERROR, "broken", str(error)
+    return Severity.OK, "kept", ""
 
 
 # --- Rules of CiA 301 and CiA 402-2 tried on one drive: `telerobot check CELL --profile JOINT` ----
-STATUS: Final = {
-    RuleOutcome.KEPT: Severity.OK,
-    RuleOutcome.ABSENT: Severity.WARN,
-    RuleOutcome.BROKEN: Severity.ERROR,
-}
-
-
-def drive_named(cell: Cell, joint: str) -> Entry:
-    """Return the drive of a joint. Raises `ConfigError`."""
-    drives = {e.name: e for e in cell.devices if isinstance(e.section, DriveSection)}
-    if joint not in drives:
-        raise ConfigError(f"{cell.path}: no drive moves {joint!r}; one of {', '.join(drives)}")
-    return drives[joint]
 
 
 def profile(
     cell: Cell, joint: str, clock: Callable[[], float], *, power: bool
 ) -> Iterator[Finding]:
-    """Try every rule on the drive of a joint, which stands. Raises `DeviceError`."""
-    entry = drive_named(cell, joint)
-    node = entry.section.node if isinstance(entry.section, DriveSection) else 0
+    """Try every rule on the drive of a joint, which stands. Raises `ConfigError`, `DeviceError`."""
+    drives = {
+        e.name: (e.bus, e.section.node) for e in cell.devices if isinstance(e.section, DriveSection)
+    }
+    if joint not in drives:
+        raise ConfigError(f"{cell.path}: no drive moves {joint!r}; one of {', '.join(drives)}")
+    bus, node = drives[joint]
     buses = open_buses(cell, clock)
     try:
         names = [config.name for config in cell.config.fieldbuses]
-        fieldbus = buses[names.index(entry.bus)]
-        for verdict in try_drive(fieldbus, node, power=power):
-            text = verdict.rule.promise
-            if verdict.detail:
-                text += f": {verdict.detail}"
-            values = {"outcome": verdict.outcome.value}
-            yield Finding(verdict.rule.clause, STATUS[verdict.outcome], text, values)
+        yield from try_drive(buses[names.index(bus)], node, power=power)
     finally:
         buses.close()

@@ -1,9 +1,7 @@
-"""One real drive as rules try it: objects read, written and put back; how a rule can end."""
+"""One real drive as rules try it: objects read, written and put back; what a rule is."""
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final, NamedTuple
 
 from ....drivers.canopen.sdo import SdoAbortError, SdoClient, named, wait_for
@@ -156,27 +154,9 @@ class TriedDrive:
         self.beats.append(can301.decode_heartbeat(data))
 
 
-# --- One rule of a profile, and what became of it on a drive --------------------------------------
-class RuleOutcome(StrEnum):
-    """Ways in which a rule can end."""
-
-    KEPT = "kept"
-    BROKEN = "broken"
-    ABSENT = "absent"  # it is about something optional that the drive does not have
-
-
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """Sentence of a profile: where it stands, in short words, and how it is tried."""
 
     clause: str
     promise: str
     judge: Callable[[TriedDrive], None]  # raises `BrokenError` or `AbsentError`
-
-
-class RuleVerdict(NamedTuple):
-    """Result of one rule."""
-
-    rule: Rule
-    outcome: RuleOutcome
-    detail: str
