@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import select
 import shutil
 import signal
@@ -12,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from ...config.errors import printable
 from ...protocols import topics as t
@@ -39,23 +40,22 @@ def led(state: State | None, tasks: Sequence[TaskDescription], hand: int) -> dic
 
 
 # --- Stick made of held keys: a twist of the tool, or rates of one joint. Pure --------------------
-AXES = {
-    "w": (0, 1.0), "s": (0, -1.0), "a": (1, 1.0), "d": (1, -1.0), "r": (2, 1.0), "f": (2, -1.0),
-    "u": (3, 1.0), "o": (3, -1.0), "i": (4, 1.0), "k": (4, -1.0), "j": (5, 1.0), "l": (5, -1.0),
+KEYS: Final[Mapping[str, tuple[str, int, float]]] = {
+    "w": ("tool", 0, 1.0), "s": ("tool", 0, -1.0), "u": ("tool", 3, 1.0), "o": ("tool", 3, -1.0),
+    "a": ("tool", 1, 1.0), "d": ("tool", 1, -1.0), "i": ("tool", 4, 1.0), "k": ("tool", 4, -1.0),
+    "r": ("tool", 2, 1.0), "f": ("tool", 2, -1.0), "j": ("tool", 5, 1.0), "l": ("tool", 5, -1.0),
+    "[": ("joint", 0, -1.0), "left": ("joint", 0, -1.0), "down": ("joint", 0, -1.0),
+    "]": ("joint", 0, 1.0), "right": ("joint", 0, 1.0), "up": ("joint", 0, 1.0),
+    "v": ("drive", 0, 1.0), "b": ("drive", 0, -1.0), ",": ("turn", 0, 1.0), ".": ("turn", 0, -1.0),
+    "z": ("spare", 0, 1.0), "Z": ("spare", 0, -1.0),
 }  # fmt: skip
-"""Key: axis of the twist (0 to 5), and its sign."""
+"""Key: what it moves while it is held, the axis of a twist (0 to 5), and which way.
 
-JOINT_SIGNS = {"[": -1.0, "]": 1.0, "left": -1.0, "right": 1.0, "down": -1.0, "up": 1.0}
-"""Key: direction in which the chosen joint moves."""
+An arm in tunnels, or a base, is driven along; a base turns to the left or right; the spare joints
+move as the elbow does on its circle.
+"""
 
-DRIVES = {"v": 1.0, "b": -1.0}
-"""Key: direction in which an arm in tunnels is driven along, or a base."""
-
-TURNS = {",": 1.0, ".": -1.0}
-"""Key: direction in which a base on wheels turns, to the left and to the right."""
-
-SPARE = {"z": 1.0, "Z": -1.0}
-"""Key: direction in which the spare joints move, as the elbow on its circle."""
+OTHER: Final = ("", 0, 0.0)  # a key that moves nothing
 
 BASE_PER_TOOL = 2.0  # a base is driven so much faster than the tool [1]
 
@@ -68,15 +68,13 @@ FRAMES = (Frame.CRF, Frame.MRF, Frame.BASE, Frame.WORLD)
 
 def opposites(key: str) -> tuple[str, ...]:
     """Return the keys that move the other way along the same axis."""
-    if key in AXES:
-        axis, sign = AXES[key]
-        return tuple(k for k, other in AXES.items() if other == (axis, -sign))
-    if key in DRIVES:
-        return tuple(k for k in DRIVES if k != key)
-    for keys in (TURNS, SPARE):
-        if key in keys:
-            return tuple(k for k in keys if k != key)
-    return tuple(k for k, sign in JOINT_SIGNS.items() if sign == -JOINT_SIGNS.get(key, 0.0))
+    what, axis, sign = KEYS.get(key, OTHER)
+    return tuple(k for k, other in KEYS.items() if other == (what, axis, -sign))
+
+
+def ways(held: Collection[str], what: str) -> list[float]:
+    """Return which way each of the keys that are held moves something."""
+    return [KEYS[key][2] for key in held if KEYS.get(key, OTHER)[0] == what]
 
 
 @dataclass
@@ -110,38 +108,34 @@ class Stick:
         """Return the twist (6,) [m/s, rad/s] of the keys that are held."""
         twist = [0.0] * 6
         for key in held:
-            if key in AXES:
-                axis, sign = AXES[key]
+            what, axis, sign = KEYS.get(key, OTHER)
+            if what == "tool":
                 twist[axis] += sign * (self.speed if axis < 3 else self.turn)
         return tuple(twist)
 
     def insertion(self, held: Collection[str], most: float) -> float:
         """Return the insertion speed of the keys that are held, at most `most` either way [m/s]."""
-        return sum(DRIVES.get(key, 0.0) for key in held) * min(self.speed, most)
+        return sum(ways(held, "drive")) * min(self.speed, most)
 
     def drive(self, held: Collection[str], base: Mapping[str, float]) -> tuple[float, float]:
         """Return at which v [m/s] and ω [rad/s] held keys drive a base, within its own."""
-        ahead = sum(DRIVES.get(key, 0.0) for key in held)
-        turn = sum(TURNS.get(key, 0.0) for key in held)
-        return (
-            ahead * min(BASE_PER_TOOL * self.speed, base["speed"]),
-            turn * min(BASE_PER_TOOL * self.turn, base["angular_speed"]),
-        )
+        ahead = min(BASE_PER_TOOL * self.speed, base["speed"])
+        turn = min(BASE_PER_TOOL * self.turn, base["angular_speed"])
+        return sum(ways(held, "drive")) * ahead, sum(ways(held, "turn")) * turn
 
     def spare(self, held: Collection[str], most: float) -> float:
         """Return the rate of the spare joints of the keys that are held, at most `most`.
 
         Of the arm angle as fast as the tool turns [rad/s], or so much of the quickest [1].
         """
-        return sum(SPARE.get(key, 0.0) for key in held) * min(self.turn, most)
+        return sum(ways(held, "spare")) * min(self.turn, most)
 
     def rates(self, held: Collection[str], max_velocity: Sequence[float]) -> tuple[float, ...]:
         """Return joint rates (n,) [rad/s] of the keys that are held, within (n,) bounds."""
         rates = [0.0] * len(max_velocity)
-        signs = {JOINT_SIGNS[key] for key in held if key in JOINT_SIGNS}
         if self.joint is not None and self.joint < len(rates):
             bound = max_velocity[self.joint]
-            rates[self.joint] = sum(signs) * min(self.turn, bound)
+            rates[self.joint] = sum({*ways(held, "joint")}) * min(self.turn, bound)
         return tuple(rates)
 
 
@@ -174,6 +168,10 @@ SEQUENCES = {
 }  # fmt: skip
 
 
+_KEY: Final = re.compile(r"\x1b(?:O.|\[[^@-~]*[@-~]|(?=[^O\[]))|[^\x1b]", re.DOTALL)
+"""A character, or an escape sequence to its end."""
+
+
 class Decoder:
     """Turns what the terminal sends into key names; unknown sequences are passed over."""
 
@@ -182,36 +180,13 @@ class Decoder:
 
     def keys(self, data: bytes) -> list[str]:
         """Return the keys in `data`; a sequence that is not complete waits for the next call."""
-        text = self._left + data.decode("utf-8", "replace")
-        self._left = ""
-        keys: list[str] = []
-        while text:
-            if text[0] == "\x1b":
-                length = _sequence_length(text)
-                if length is None:
-                    self._left = text
-                    break
-            else:
-                length = 1
-            name = SEQUENCES.get(text[:length], text[:length])
+        text, keys, at = self._left + data.decode("utf-8", "replace"), [], 0
+        while found := _KEY.match(text, at):
+            at, name = found.end(), SEQUENCES.get(found[0], found[0])
             if name.isprintable():
                 keys.append(name)
-            text = text[length:]
+        self._left = text[at:]
         return keys
-
-
-def _sequence_length(text: str) -> int | None:
-    """Return the length of the escape sequence that `text` begins with, None if it goes on."""
-    if len(text) == 1:
-        return None
-    if text[1] == "O":
-        return 3 if len(text) > 2 else None
-    if text[1] != "[":
-        return 1
-    for i, c in enumerate(text[2:], 2):
-        if "@" <= c <= "~":
-            return i + 1
-    return None
 
 
 class HeldKeys:
@@ -392,14 +367,17 @@ class KeyboardTeleop:
     def press(self, key: str, now_s: float) -> None:
         """Act on a key. A refusal is printed, never raised."""
         try:
-            driven = (
-                (key in DRIVES and self._insertion)
-                or (key in (*DRIVES, *TURNS) and self._base)
-                or (key in SPARE and self._spare)
-            )
-            if key in AXES or key in JOINT_SIGNS or driven:
+            what = KEYS.get(key, OTHER)[0]
+            there = {
+                "tool": True,
+                "joint": True,
+                "drive": self._insertion or self._base,
+                "turn": self._base,
+                "spare": self._spare,
+            }
+            if there.get(what):
                 self._move(key, now_s)
-            elif key in SPARE:
+            elif what == "spare":
                 self._say("the arm has no spare joint: its task holds them all")
             elif key in "123456789":
                 self._choose_joint(int(key) - 1)
@@ -515,7 +493,7 @@ class KeyboardTeleop:
         if state is None or state.mode != "enabled":
             self._say("the arm is not enabled: m enables it")
             return
-        if key in AXES or key in DRIVES or key in TURNS or key in SPARE:
+        if KEYS[key][0] != "joint":
             self.stick.joint = None
             if self._goal:
                 # A posture in force does not hear the stick.

@@ -1,8 +1,8 @@
 import pytest
 from telerobot.protocols.messages.messages import Frame
 from telerobot.tools.operator.terminal import (
-    AXES,
     FIRST_S,
+    KEYS,
     REPEAT_S,
     SPEEDS,
     Decoder,
@@ -79,11 +79,12 @@ def test_release_names_keys_or_means_all():
 
 
 def test_every_key_has_one_opposite_and_both_together_do_not_move():
-    for key in AXES:
+    for key in (key for key, (what, _, _) in KEYS.items() if what == "tool"):
         (other,) = opposites(key)
         assert opposites(other) == (key,)
         assert Stick().twist({key, other}) == (0.0,) * 6
     assert opposites("[") == ("]", "right", "up")
+    assert (opposites("v"), opposites(","), opposites("Z")) == (("b",), (".",), ("z",))
     assert opposites("h") == ()
 
 
