@@ -57,6 +57,22 @@ def test_a_page_whose_first_state_comes_late_waits_and_does_not_say_that_the_dae
     assert set(page.evaluate("window.said")) == {"Waiting for the daemon."}
 
 
+STANDS_STILL = """
+  () => new Promise((told) => {
+    const said = [], mode = document.querySelector('.mode');
+    const watcher = new MutationObserver(() => said.push(mode.textContent));
+    watcher.observe(mode, { characterData: true, childList: true, subtree: true });
+    for (const since = performance.now(); performance.now() - since < 1500;);
+    setTimeout(() => { watcher.disconnect(); told(said); }, 400);
+  })
+"""
+
+
+def test_a_page_that_stood_still_does_not_say_that_the_daemon_is_silent(site):
+    page = site.page()
+    assert [page.evaluate(STANDS_STILL) for _ in range(3)] == [[], [], []]
+
+
 @pytest.mark.parametrize("viewport", [DESK, TABLET], ids=["desk", "tablet"])
 def test_what_matters_is_in_sight(site, viewport):
     page = site.page(drawn=True, viewport=viewport, has_touch=True)

@@ -21,6 +21,7 @@ import { createPads } from "./steering/pads.js";
 import { createSteer } from "./steering/steer.js";
 
 const SILENT_MS = 400;
+const DRAWN_MS = 66;
 /** On a slow network the first state comes after all that the scene is drawn of. */
 const FIRST_MS = 5000;
 const at = (id) => document.getElementById(id);
@@ -51,7 +52,9 @@ document.title = `${catalogue.cell} · telerobot`;
 let role = "operator";
 let holds = false;
 let newest = null;
-let newestAt = performance.now();
+/** For so long this page has run without a state [ms]. */
+let unheard = 0;
+let drawnAt = performance.now();
 
 const mode = (action) => () => ask("operator/mode", { action });
 
@@ -87,7 +90,7 @@ link.addEventListener("state", ({ detail }) => {
   if (newest && newest.state.mode === "enabled" && state.mode !== "enabled") held.endAll();
   holds = mine;
   newest = detail;
-  newestAt = performance.now();
+  unheard = 0;
   scene.update(detail);
   plots.update(detail);
 });
@@ -103,7 +106,11 @@ link.addEventListener("event", ({ detail }) => {
 // Panels are drawn fifteen times a second, from the newest state; the scene interpolates by itself.
 const over = at("over").appendChild(el("p", { hidden: true }));
 function draw() {
-  const silent = !reached || performance.now() - newestAt > (newest ? SILENT_MS : FIRST_MS);
+  // Where the page itself stood still, states wait to be read: that is no silence of the daemon.
+  const time = performance.now();
+  unheard += Math.min(time - drawnAt, 2 * DRAWN_MS);
+  drawnAt = time;
+  const silent = !reached || unheard > (newest ? SILENT_MS : FIRST_MS);
   if (!newest && !silent) return;
   over.hidden = !silent;
   document.body.classList.toggle("silent", silent);
@@ -119,5 +126,5 @@ function draw() {
     why.update(newest, holds, role !== "operator");
   }
 }
-setInterval(draw, 66);
+setInterval(draw, DRAWN_MS);
 document.body.dataset.ready = "true";
