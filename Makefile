@@ -74,8 +74,8 @@ test-all: venv ## All tests: in parallel, then those that start processes, then 
 	@$(BIN)/pytest -q -m "hil and alone"
 	@$(BIN)/pytest -q -m browser
 
-durations: venv ## Measure what each test costs, and write down which are slow
-	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS) --dist loadfile
+durations: venv ## Measure what each test costs, and write down which are slow; ARGS="tests/config"
+	@$(BIN)/pytest -q --measure -m "not hil and not browser" -n $(JOBS) --dist loadfile $(ARGS)
 
 mutants: venv ## Changes of the code that safety rests on: do its room's tests notice? ARGS="gate"
 	@$(BIN)/python tests/mutants/run.py --jobs $(JOBS) $(ARGS)

@@ -4,7 +4,7 @@ import gc
 import resource
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -135,16 +135,29 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if not session.config.option.measure or hasattr(session.config, "workerinput"):
         return
+    before = SLOW.read_text().splitlines()
+    root = SLOW.parents[1]
+    there = [name for name in before if (root / name.partition("::")[0]).is_file()]
+    slow = slow_names(_costs, there)
+    SLOW.write_text("".join(f"{name}\n" for name in slow))
+    total, left = sum(_costs.values()), sum(c for c in _costs.values() if c <= SLOW_S)
+    print(f"\n{len(slow)} lines in {SLOW.name}; {total:.0f} CPU s in all, {left:.0f} in fast tests")
+
+
+def slow_names(costs: Mapping[str, float], before: Iterable[str]) -> list[str]:
+    """Return the names of slow tests by their costs [CPU s], and those `before` of other files.
+
+    A test is named with its parameters where others of its function are quick.
+    """
     rows: defaultdict[str, dict[str, float]] = defaultdict(dict)
-    for name, cost in _costs.items():
+    for name, cost in costs.items():
         rows[name.partition("[")[0]][name] = cost
-    slow: list[str] = []
+    measured = {name.partition("::")[0] for name in costs}
+    slow = [name for name in before if name.partition("::")[0] not in measured]
     for function, each in rows.items():
         above = [name for name, cost in each.items() if cost > SLOW_S]
         slow += [function] if len(above) == len(each) else above
-    SLOW.write_text("".join(f"{name}\n" for name in sorted(slow)))
-    total, left = sum(_costs.values()), sum(c for c in _costs.values() if c <= SLOW_S)
-    print(f"\n{len(slow)} lines in {SLOW.name}; {total:.0f} CPU s in all, {left:.0f} in fast tests")
+    return sorted(slow)
 
 
 _LINK = (

@@ -72,3 +72,10 @@ def test_no_test_builds_a_cell_by_copies_of_its_tables():
         and path.name != "test_altered.py"
     ]
     assert found == []
+
+
+def test_tests_of_rooms_that_were_not_measured_stay_as_slow_as_they_were(request):
+    slow_names = request.config.pluginmanager.get_plugin(str(ROOT / "tests/conftest.py")).slow_names
+    before = ["tests/a.py::gone", "tests/b.py::one", "tests/b.py::two[x]"]
+    costs = {"tests/a.py::f[1]": 2.0, "tests/a.py::f[2]": 0.1, "tests/a.py::g[1]": 9.0}
+    assert slow_names(costs, before) == ["tests/a.py::f[1]", "tests/a.py::g", *before[1:]]
