@@ -85,8 +85,8 @@ def magnitude(x: Array) -> float:
 # the arm has slid, it goes where it is pushed, but not forward again.
 #
 # The motion goes one way only, is slow, and ends with the push, where another one is met, or
-# when it has used up its leash, from where the push was felt: an estimate that is wrong makes
-# it neither swing nor drift.
+# when its joints have used up their leash, each its own, from where the push was felt: an
+# estimate that is wrong makes it neither swing nor drift.
 
 STEP = 2e-3
 """The path is remembered in steps of this, by the joint that moves most [rad]."""
@@ -128,6 +128,11 @@ ACROSS = 0.1
 """Bleeding off goes forward on the path where the cosine between them is above this [1]."""
 
 
+NOWHERE: Final[Array] = np.zeros(0)
+"""Travel of an arm that nothing pushed."""
+NOWHERE.flags.writeable = False
+
+
 class RetreatState(NamedTuple):
     """The way that led here, and how far it was gone back."""
 
@@ -143,8 +148,8 @@ class RetreatState(NamedTuple):
     """Postures until one of a time when the arm was free [1]."""
     ahead: int = 0
     """Postures until the one at which the push was felt [1]: the stop went beyond it."""
-    travelled: float = 0.0
-    """How far the joint that moved most has gone from there [rad]."""
+    travelled: Array = NOWHERE
+    """How far each joint has gone from there (n,) [rad]; empty before the push."""
     stride: float = STEP
     """How far the postures until then are apart [rad]."""
     fastest: float = FASTEST
@@ -183,10 +188,6 @@ class Retreat:
         self._T = period_s
         self._kept = 16 + math.ceil(leash / STEP)
         self.start = RetreatState()
-
-    def used_up(self, state: RetreatState) -> bool:
-        """Return whether there is no leash left."""
-        return state.travelled > (1.0 - USED_UP) * self.leash
 
     def step(
         self,
@@ -287,6 +288,7 @@ class Retreat:
         way = _length(q, state.way[::-1][:overrun])
         return state._replace(
             q=q,
+            travelled=np.zeros(len(q)),
             overrun=overrun,
             ahead=min(ahead, overrun),
             stride=way / max(1, overrun),
@@ -311,23 +313,30 @@ class Retreat:
             met = min(float(pushed.external @ back), float(new @ back))
             opposed = met < -needed
             state = state._replace(opposed_s=state.opposed_s + self._T if opposed else 0.0)
-        if self.used_up(state):
+        spent = state.travelled > (1.0 - USED_UP) * self.leash
+        if self._bound and spent.any():
             return state, none
-        end = APPROACH * (self.leash - state.travelled)
+        left = APPROACH * np.maximum(self.leash - state.travelled, 0.0)
         along = back is not None and float(push @ back) > ALONG * magnitude(push) * magnitude(back)
         along = along or self._bound
-        if back is not None and (state.overrun > 0 or (along and pushed.lasting)):
+        if (
+            back is not None
+            and not spent.any()
+            and (state.overrun > 0 or (along and pushed.lasting))
+        ):
             if state.opposed_s > OPPOSED_S and not self._bound:
                 return state, none
             rate = SLOWEST
             if state.overrun > 0:
                 to_go = float(np.abs(state.way[-1] - q).max()) + (state.overrun - 1) * state.stride
                 rate = min(max(APPROACH * to_go, SLOWEST), state.fastest)
-            return state._replace(rate=min(rate, end)), back
-        way = None if self._bound else _off_path(pushed, tool, back)
+            return state._replace(rate=min(rate, float(left.min()))), back
+        way = None if self._bound else _off_path(pushed, tool, back, spent)
         if way is None:
             return state, none
-        rate = min(FASTEST, SLOWEST * _strength(push, pushed), end)
+        rate = min(FASTEST, SLOWEST * _strength(push, pushed))
+        # A joint at the end of its leash stands, and the others give way further.
+        way = np.clip(way, -left / rate, left / rate)
         return state._replace(rate=rate, off_path=True, shifted=True), way
 
 
@@ -345,19 +354,18 @@ def _strength(push: Array, pushed: Pushed) -> float:
 
 def _moved(state: RetreatState, q: Array) -> RetreatState:
     """Return the state without what of the way was gone back by now."""
-    way, gone = state.way, 0.0
+    way, travelled = state.way, state.travelled
     if state.q is not None and state.rate > 0.0:
-        gone = float(np.abs(q - state.q).max())
+        travelled = travelled + np.abs(q - state.q)
     if state.q is not None and state.off_path:
         way = tuple(posture + (q - state.q) for posture in way)
     while way and _passed(way, q):
         way = way[:-1]
     passed = len(state.way) - len(way)
-    travelled = state.travelled + gone
     if state.ahead > passed:
-        travelled = 0.0
+        travelled = np.zeros(len(q))
     elif state.ahead > 0:
-        travelled = float(np.abs(q - state.way[-state.ahead]).max())
+        travelled = np.abs(q - state.way[-state.ahead])
     return state._replace(
         way=way,
         at_s=state.at_s[: len(way)],
@@ -412,17 +420,18 @@ def _forward(dq: Array, back: Array | None) -> bool:
     return back is not None and -float(dq @ back) > ACROSS * magnitude(dq) * magnitude(back)
 
 
-def _off_path(pushed: Pushed, tool: Array, back: Array | None) -> Array | None:
+def _off_path(pushed: Pushed, tool: Array, back: Array | None, spent: Flags) -> Array | None:
     """Return where the arm is pushed off its path (n,), 1 for the joint that moves most.
 
     Only what was not felt before the touch counts: the weight of a payload that nobody told of
-    would lead down, whatever is there. `tool` (n,) is what came of the tool's [N·m]. None where
-    there is no such push, or it leads forward.
+    would lead down, whatever is there. `tool` (n,) is what came of the tool's [N·m]. Joints
+    whose leash is `spent` (n,) stand. None where there is no such push, or it leads forward.
     """
     if pushed.free is None or not pushed.lasting:
         return None
     # Of joints that are pushed alike against their bounds, a weak one gives way no less.
     push = (beyond(pushed.external - pushed.free, pushed) + tool) / pushed.bound
+    push = np.where(spent, 0.0, push)
     size = magnitude(push)
     if size == 0.0:
         return None

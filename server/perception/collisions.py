@@ -90,7 +90,7 @@ class ReleaseNews:
             return
         self._told = now
         what, push, values = self._push(pushed, tool_only)
-        way = values["travelled_rad"] = state.travelled
+        way = values["travelled_rad"] = float(state.travelled.max(initial=0.0))
         left = f"by {way:.4f} rad of {self._leash:g}; {what} is left with {push}"
         if now is _Told.GIVING:
             self._events.info("giving_way", f"to {push} at {what}", **values)

@@ -124,7 +124,19 @@ def test_a_push_that_does_not_end_takes_the_leash_and_no_more(retreat):
     state, q, now = came(retreat)
     state, way = held(retreat, state, q, now, lambda at: push(-50.0, 0.0), seconds=10.0)
     assert 0.95 * LEASH < np.abs(way - q).max() <= LEASH
-    assert retreat.used_up(state)
+    assert state.rate == 0.0
+
+
+def test_a_joint_at_the_end_of_its_leash_stands_and_the_other_gives_way_further(retreat):
+    state, q, now = came(retreat)
+
+    def met(at):
+        return push(-50.0, -200.0 * max(0.0, at[1] + 0.06))
+
+    state, way = held(retreat, state, q, now, met, seconds=10.0)
+    assert 0.95 * LEASH < q[0] - way[-1, 0] <= LEASH
+    assert met(way[-1]).external[1] > -BOUND[1]
+    assert way[-1, 1] > -0.06
 
 
 def test_the_stops_own_way_takes_nothing_off_the_leash(retreat):

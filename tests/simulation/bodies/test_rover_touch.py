@@ -15,10 +15,15 @@ STEP = BoxSection(name="step", xyz=(0.75, 0.0, 0.125), half_size=(0.2, 0.5, 0.12
 
 
 def rover(
-    *steps: dict[str, object], seconds: float, cell: str = "rover_bridge", **rig: object
+    *steps: dict[str, object],
+    seconds: float,
+    cell: str = "rover_bridge",
+    leash: float = 0.5,
+    **rig: object,
 ) -> Simulation:
     """A run on the rover, with other things standing around than the cell has."""
     made = altered(load_cell(cell), {"bridge": None, **rig}, "rig")
+    made = altered(made, {"touch.leash": leash})
     return Simulation(made, Script.model_validate({"duration_s": seconds, "step": list(steps)}))
 
 
@@ -131,16 +136,16 @@ def sinking(
 
 
 @pytest.mark.parametrize(
-    ("farther_m", "at_m", "left"),
-    [(0.03, 0.15, False), (0.1, 0.15, False), (0.2, 0.15, True), (0.1, 0.0, False)],
-    ids=["a little", "far", "beyond the leash", "nearer to the shoulder"],
+    ("farther_m", "at_m", "leash"),
+    [(0.03, 0.15, 0.5), (0.1, 0.15, 0.5), (0.2, 0.15, 0.5), (0.2, 0.15, 0.1), (0.1, 0.0, 0.5)],
+    ids=["a little", "far", "beyond the wrist's leash", "beyond all", "nearer to the shoulder"],
 )
 def test_a_beam_that_comes_down_on_the_arm_is_given_way_to_however_far(
-    farther_m: float, at_m: float, left: bool
+    farther_m: float, at_m: float, leash: float
 ) -> None:
     """From 5 cm on a drive faulted. Beyond the leash the arm is pushed on, and stays pressed."""
-    above = RigBridgeSection(height=1.45, distance=at_m, thickness=0.2)
-    run = rover(seconds=3.0 + 10.0 * farther_m, bridge=above)
+    above, left = RigBridgeSection(height=1.45, distance=at_m, thickness=0.2), leash < 0.5
+    run = rover(seconds=3.0 + 10.0 * farther_m, leash=leash, bridge=above)
     run.on_tick = sinking(run, above, farther_m=farther_m)
     result = run.run()
     names = [event.name for event in run.events]
@@ -165,6 +170,27 @@ def test_a_wrist_that_a_quick_beam_throws_back_is_followed_into_hold() -> None:
     assert result.summary["mode"] == "hold"
     assert not any(any(truth.contact_force) for truth in result.truths[-20:])
     assert max(float(np.linalg.norm(truth.contact_force)) for truth in result.truths) < 500.0
+
+
+@pytest.mark.parametrize("farther_m", [0.1, 0.15])
+def test_a_wrist_at_the_end_of_its_leash_stands_and_the_rest_of_the_arm_gives_way(
+    farther_m: float,
+) -> None:
+    """Where all joints stood with it, 100 N stayed, or its drive faulted."""
+    above = RigBridgeSection(height=1.45, distance=0.15, thickness=0.2)
+    run = rover(seconds=3.5, bridge=above)
+    run.on_tick = sinking(run, above, farther_m=farther_m, speed=0.2)
+    result = run.run()
+    names = [event.name for event in run.events]
+    assert "fault" not in names
+    assert "gave_way" in names
+    assert result.summary["mode"] == "hold"
+    assert not any(any(truth.contact_force) for truth in result.truths[-50:])
+    held = np.array([state.q_command for state in result.states if state.mode == "hold"])
+    travel = np.abs(held - held[0]).max(axis=0)
+    assert travel.argmax() == 7  # j6, which goes farther where it is thrown off its command
+    assert np.delete(travel, 7).max() <= run.cell.config.touch.leash
+    assert result.summary["limit_violations"] == 0
 
 
 def test_free_motion_of_base_and_arm_is_no_push() -> None:
