@@ -90,6 +90,7 @@ def test_bad_usage_is_one_line_and_code_2(argv, capsys):
     [
         (["identify", "pa10", "--attitudes", "many"], "6 to 200 attitudes"),
         (["identify", "pa10", "--attitudes", "5"], "6 to 200 attitudes"),
+        (["identify", "pa10", "--environment", "--force", "40"], "6 to 20 N"),
         (["doctor", "--seconds", "soon"], "0.01 to 600 seconds"),
         (["record", "pa10", "--split", "0.5"], "1 to 1000000 MB"),
         (["certify", "pa10", "--days", "3.5"], "1 to 3650 days"),

@@ -1,11 +1,11 @@
-"""`telerobot identify`: a guided motion of the wrist, and what it found."""
+"""`telerobot identify`: a guided motion, and what it found: a payload, or what the tool touches."""
 
 import argparse
 import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from ..host.progress import say
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
+from . import environment
+from .environment import Along, Environment, Press, PressGuide, propose
 from .estimate import AttitudeStop, Estimate, NotIdentified, attitudes, estimate
 
 
@@ -239,8 +241,50 @@ class Guide:
             self.say("force control waits until the payload is told (operator/payload), or a tare")
 
 
-# --- Identification from the first attitude to the estimate: on a daemon, or in virtual time ------
+# --- Identification from the first state to the estimate: on a daemon, or in virtual time ---------
 LONGEST_S = 1800.0  # no identification takes longer [s]
+
+
+class Leader(Protocol):
+    """Who leads an arm, told of every state."""
+
+    over: bool
+
+    def run(self, state: State) -> None: ...
+
+
+L = TypeVar("L", bound=Leader)
+
+
+def _lead(operator: Operator, leader: L, longest_s: float = LONGEST_S) -> L:
+    """Let a leader lead a daemon's arm to the end; needs the lease and an enabled arm."""
+    operator.on_state = leader.run
+    try:
+        operator.spin(longest_s, lambda: leader.over)
+    finally:
+        operator.on_state = lambda _state: None
+    return leader
+
+
+def _lead_simulated(cell: Cell, made: Callable[[ProtocolClient], L]) -> L:
+    """Let a leader, made with its client, lead a cell's virtual hardware in virtual time.
+
+    Raises `NotIdentified` where the simulation fails.
+    """
+    simulation = Simulation(cell, Script(duration_s=LONGEST_S))
+    leader = made(simulation.player.client)
+
+    def after_tick(running: Simulation) -> None:
+        if running.player.phase is Phase.PLAYING:
+            leader.run(running.states[-1])
+            if leader.over:
+                running.player.phase = Phase.OVER
+
+    simulation.on_tick = after_tick
+    failure = simulation.run().summary["failure"]
+    if failure is not None:
+        raise NotIdentified(str(failure))
+    return leader
 
 
 def identify(
@@ -254,12 +298,7 @@ def identify(
     Raises `NotIdentified` where it could not go on.
     """
     guide = Guide(operator.client, stops, say, subject)
-    operator.on_state = guide.run
-    try:
-        operator.spin(min(LONGEST_S, ARRIVE_S * len(stops)), lambda: guide.over)
-    finally:
-        operator.on_state = lambda _state: None
-    return _samples(guide)
+    return _samples(_lead(operator, guide, min(LONGEST_S, ARRIVE_S * len(stops))))
 
 
 def identify_simulated(
@@ -269,21 +308,23 @@ def identify_simulated(
     subject: Subject | None = None,
 ) -> list[AttitudeMean]:
     """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
-    simulation = Simulation(cell, Script(duration_s=LONGEST_S))
-    guide = Guide(simulation.player.client, stops, say, subject)
+    return _samples(_lead_simulated(cell, lambda client: Guide(client, stops, say, subject)))
 
-    def after_tick(running: Simulation) -> None:
-        if running.player.phase is Phase.PLAYING:
-            guide.run(running.states[-1])
-            if guide.over:
-                running.player.phase = Phase.OVER
 
-    simulation.on_tick = after_tick
-    result = simulation.run()
-    failure = result.summary["failure"]
-    if failure is not None:
-        raise NotIdentified(str(failure))
-    return _samples(guide)
+def press_simulated(
+    cell: Cell,
+    press: Press,
+    say: Callable[[str], None] = lambda _line: None,
+    subject: Subject | None = None,
+) -> Environment:
+    """Press the tool of a cell's virtual hardware, in virtual time, against what is before it.
+
+    Raises `NotIdentified`, or `ConfigError` for a press that the cell does not allow.
+    """
+    of = subject_of(cell, None) if subject is None else subject
+    environment.allowed(of.part, press)
+    guide = _lead_simulated(cell, lambda c: PressGuide(c, press, say, of.mechanism, of.task))
+    return environment.environment(of.part, guide)
 
 
 def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
@@ -304,24 +345,51 @@ def _samples(guide: Guide) -> list[AttitudeMean]:
     return guide.samples
 
 
-# --- `telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion
+def _press_driven(
+    cell: Cell, press: Press, say: Callable[[str], None], subject: Subject
+) -> Environment:
+    environment.allowed(subject.part, press)
+    with Operator(cell, name="identify") as operator:
+        operator.acquire()
+        operator.enable()
+        guide = PressGuide(operator.client, press, say, subject.mechanism, subject.task)
+        return environment.environment(subject.part, _lead(operator, guide))
+
+
+# --- `telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion;
+# with `--environment` stiffness and delay of what the tool touches
 def run(args: argparse.Namespace) -> int:
     """Identify; print what was found and the lines for the cell. Raises `ConfigError`."""
     cell = cell_from(args)
     subject = subject_of(cell, args.mechanism)
-    part = subject.part
-    stops = attitudes(part, args.posture, args.attitudes, args.room)
     try:
-        lead = identify_simulated if args.simulate else _driven
-        found = judge(part, lead(cell, stops, say, subject))
+        told = (_environment if args.environment else _payload)(cell, subject, args)
     except (NotIdentified, OperatorError) as error:
         say(f"telerobot: not identified: {error}")
         return 1
-    if args.json:
-        print(json.dumps(as_dict(part, found)))
-    else:
-        print(f"{table(found)}\n\n{snippet(part, found)}")
+    print(told)
     return 0
+
+
+def _payload(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
+    part = subject.part
+    stops = attitudes(part, args.posture or "ready", args.attitudes, args.room)
+    lead = identify_simulated if args.simulate else _driven
+    found = judge(part, lead(cell, stops, say, subject))
+    if args.json:
+        return json.dumps(as_dict(part, found))
+    return f"{table(found)}\n\n{snippet(part, found)}"
+
+
+def _environment(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
+    along = Along.of(args.along)
+    press = Press(along, args.way, args.force, args.posture)
+    lead = press_simulated if args.simulate else _press_driven
+    found = lead(cell, press, say, subject)
+    gains = propose(subject.part, found, along)
+    if args.json:
+        return json.dumps(environment.as_dict(subject.part, found, gains))
+    return environment.report(subject.part, found, gains)
 
 
 def _driven(
