@@ -258,10 +258,12 @@ class Sighting(Message):
 class StoreView(TaskCommand):
     """Makes what a camera sees now the view that the vision source keeps.
 
-    Without a camera's name: of the camera whose view is kept now.
+    Without a camera's name: of the camera whose view is kept now. `again`: the view that was stored
+    for that camera before, or told by the cell, is kept in place of what it sees now.
     """
 
     camera: CameraName | None = None
+    again: bool = False
 
 
 # --- Messages of a camera's process for people: one small picture, and a piece of its video -------

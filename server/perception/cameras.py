@@ -35,6 +35,8 @@ class _Track:
     camera: CameraSection
     T_lens: Pose
     """Lens in the Wrist, in World or in Base."""
+    stored: Pose | None = None
+    """The target in the Lens as it is to be; None before it was told or stored."""
     known: KnownTarget | None = None
     newest_tick: int = -1
     doubt: PictureRejection | None = None
@@ -91,8 +93,10 @@ class VisionTracker:
         self._tracks = {c.name: _Track(c, _place(c)) for c in cameras}
         self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
         self._camera = vision.camera or next(iter(self._tracks), "")
-        view = vision.view
-        self._view = None if view is None else Pose.from_xyz_rpy(view.xyz, view.rpy)
+        """Whose view is kept."""
+        if vision.view is not None and self._camera in self._tracks:
+            told = Pose.from_xyz_rpy(vision.view.xyz, vision.view.rpy)
+            self._tracks[self._camera].stored = told
 
     @classmethod
     def from_cell(cls, cell: Cell, events: Events) -> Self:
@@ -124,10 +128,14 @@ class VisionTracker:
 
         Of a camera beside the arm: how far the target is.
         """
-        view, stored = self.view, self._view
-        if view is None or stored is None:
+        view = self.view
+        if view is None:
             return None
-        if self._tracks[self._camera].carried:
+        track = self._tracks[self._camera]
+        stored = track.stored
+        if stored is None:
+            return None
+        if track.carried:
             view, stored = view.inverse(), stored.inverse()
         return sizes(pose_error(view, stored))
 
@@ -173,25 +181,32 @@ class VisionTracker:
                     track, "warning", "view_lost", track.doubt or PictureRejection.NO_PICTURE, None
                 )
 
-    def store(self, camera: str | None) -> dict[str, float]:
-        """Store the present view of a camera; return it. Raises `Refused` where it sees nothing."""
+    def store(self, camera: str | None, *, again: bool = False) -> dict[str, float]:
+        """Keep the present view of a camera, or `again` the one that was stored for it before.
+
+        Returns it. Raises `Refused` where the camera sees nothing, or nothing was stored.
+        """
         name = camera or self._camera
         track = self._tracks.get(name)
         if track is None:
             known = ", ".join(self._tracks) or "none"
             raise Refused(Why.UNKNOWN_CAMERA, f"{name!r} is none of {known}")
-        if track.known is None or not self._places:
-            raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
+        if not again:
+            if track.known is None or not self._places:
+                raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
+            T_anchor_lens = track.T_anchor_lens(self._places[-1])
+            track.stored = T_anchor_lens.inverse() @ track.known.T_anchor_target
+        elif track.stored is None:
+            raise Refused(Why.NOT_NOW, f"no view of camera {name} is stored yet")
         self._camera = name
-        self._view = self.view
-        values = (0.0,) * 6 if self._view is None else self._view.to_xyz_rpy()
-        return dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True))
+        names = ("x", "y", "z", "roll", "pitch", "yaw")
+        return dict(zip(names, track.stored.to_xyz_rpy(), strict=True))
 
     def require_view(self) -> None:
         """Raise `Refused` where there is nothing that the source could keep."""
         if not self._tracks:
             raise Refused(Why.UNKNOWN_CAMERA, "the cell has no camera")
-        if self._view is None:
+        if self._tracks[self._camera].stored is None:
             raise Refused(Why.NOT_NOW, "no view is stored yet: ask operator/store_view first")
 
     def goal(self, T_world_base: Pose) -> ViewGoal | None:
@@ -200,14 +215,14 @@ class VisionTracker:
         None without a view, or when it is stale.
         """
         track = self._tracks.get(self._camera)
-        if track is None or track.known is None or self._view is None:
+        if track is None or track.known is None or track.stored is None:
             return None
         if track.carried:
-            return ViewGoal(track.T_lens, track.known.T_anchor_target @ self._view.inverse())
+            return ViewGoal(track.T_lens, track.known.T_anchor_target @ track.stored.inverse())
         T_world_lens = track.T_lens
         if track.camera.on == "base":
             T_world_lens = T_world_base @ T_world_lens
-        return ViewGoal(track.known.T_anchor_target, T_world_lens @ self._view, T_world_lens.R)
+        return ViewGoal(track.known.T_anchor_target, T_world_lens @ track.stored, T_world_lens.R)
 
     def _judge(self, track: _Track, sighting: Sighting) -> KnownTarget | PictureRejection:
         if sighting.tick <= track.newest_tick:

@@ -260,9 +260,9 @@ class Unit:
         """The views of its cameras, as far as known."""
         return self.perception.vision
 
-    def look_through(self, _camera: str | None) -> VisionTracker:
-        """Return what knows of the view of a camera; it refuses one that the arm does not have."""
-        return self.vision
+    def keep_view(self, camera: str | None, *, again: bool) -> dict[str, float]:
+        """Keep a camera's view of now, or its stored one; return it. Raises `Refused`."""
+        return self.vision.store(camera, again=again)
 
     @property
     def T_world_mrf(self) -> Pose | None:

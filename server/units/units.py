@@ -187,18 +187,21 @@ class JointUnit:
         """The view that is kept, as far as known."""
         return self._sees.vision
 
-    def look_through(self, camera: str | None) -> VisionTracker:
-        """Return what knows of the view of a camera of any arm, which is the one to keep now.
+    def keep_view(self, camera: str | None, *, again: bool) -> dict[str, float]:
+        """Keep the view of now of a camera of any arm, or its stored one; return it.
 
-        Raises `Refused` for a camera that none has; without a name it is the one that is kept.
+        Raises `Refused`, and goes on with the view of before. Without a name: of the same camera.
         """
+        sees = self._sees
         if camera is not None:
             held = [u for u in self.units if camera in u.vision.cameras]
             if not held:
                 known = ", ".join(name for u in self.units for name in u.vision.cameras) or "none"
                 raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
-            self._sees = held[0]
-        return self.vision
+            sees = held[0]
+        found = sees.vision.store(camera, again=again)
+        self._sees = sees
+        return found
 
     def _T_first_wrist(self) -> Pose:
         """Return the Wrist of the arm that sees, as the first's has it by the shared payload."""
@@ -640,8 +643,9 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
         case requests.AcknowledgeLoad():
             settings.hear_of_load("acknowledged")
         case StoreView():
-            stored = unit.look_through(message.camera).store(message.camera)
-            events.info("view_stored", message.camera or "", **stored)
+            stored = unit.keep_view(message.camera, again=message.again)
+            name = "view_kept" if message.again else "view_stored"
+            events.info(name, message.camera or "", **stored)
         case _:
             raise Refused(Why.NOT_NOW, f"no service for {type(message).__name__}")
 

@@ -25,10 +25,12 @@ ELSEWHERE |= {
     "two_nodes",
     "two_nodes_stiff",
     "two_nodes_search",
+    "see_and_insert",
     "carry",
     "carry_plate",
     "stop_together",
-}  # `test_pa10_two.py`, `test_pa10_pair.py`; the stiff one is a picture of what must not be
+}
+"""`test_pa10_two.py`, `test_pa10_pair.py`, `test_view_together.py`; the stiff one must not be."""
 ELSEWHERE |= {"shifted", "maze", "maze_space", "tail", "tail_space", "two_tunnels"}
 ELSEWHERE |= {"touch_inside", "figure_5"}
 """`test_tunnel.py`, `test_tunnel_faults.py`, `test_tail.py` and its sister, whole or in part."""

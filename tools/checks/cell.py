@@ -228,9 +228,10 @@ def _frame(cell: Cell, name: str, frame: MovingFrameSection) -> Finding:
 
 def _pictures(cell: Cell) -> Finding:
     vision = cell.config.sources.vision
+    until = "the source is on" if vision.view else "a view is stored and the source is on"
     text = (
-        "move nothing until a view is stored and the source is on; then the tool at up to "
-        f"{vision.speed:g} m/s, {vision.angular_speed:g} rad/s"
+        f"move nothing until {until}; then the tool at up to {vision.speed:g} m/s, "
+        f"{vision.angular_speed:g} rad/s"
     )
     return Finding("pictures", Severity.OK, text, {"speed": vision.speed})
 

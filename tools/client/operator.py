@@ -327,13 +327,14 @@ class Motions(ABC):
         else:
             self.command(t.POSTURE, q=tuple(posture))
 
-    def store_view(self, camera: str | None = None) -> None:
+    def store_view(self, camera: str | None = None, *, again: bool = False) -> None:
         """Make what a camera sees now the view that the vision source keeps.
 
-        Without a name: of the camera whose view is kept. Raises `OperatorError` where it sees
-        nothing. The source moves nothing before it is switched on.
+        Without a name: of the camera whose view is kept. `again` keeps the view that was stored
+        for the camera before. Raises `OperatorError` where it sees nothing, or nothing was stored.
+        The source moves nothing before it is switched on.
         """
-        self.request(t.STORE_VIEW, camera=camera)
+        self.request(t.STORE_VIEW, camera=camera, again=again)
 
     def cancel(self) -> None:
         """Drop target, posture and desired wrench."""

@@ -413,7 +413,7 @@ class _JudgedCamera:
 
 
 class ViewJudge:
-    """Remembers the true view when one is stored, and compares."""
+    """Remembers the true view of each camera when one is stored, and compares."""
 
     def __init__(self, cell: Cell) -> None:
         self._eyes = {
@@ -423,7 +423,13 @@ class ViewJudge:
         self._tags = {tag.tag: tag for tag in tags}
         kept = (part.config.sources.vision.camera for part in cell.parts)
         self._camera = next((name for name in kept if name), None) or next(iter(self._eyes), "")
-        self._stored: Pose | None = None
+        self._stored: dict[str, Pose] = {}
+        """Views that cameras are to have: told by the cell, or true when one was stored."""
+        for part in cell.parts:
+            vision = part.config.sources.vision
+            named = vision.camera or next((c.name for c in part.config.cameras), "")
+            if vision.view is not None and named:
+                self._stored[named] = placed(vision.view)
 
     def view(self, truth: RigTruth, camera: str | None = None) -> Pose | None:
         """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
@@ -444,20 +450,20 @@ class ViewJudge:
         return T_world_lens.inverse() @ _pose(truth.tags[tag.name])
 
     def on_event(self, event: Event, truth: RigTruth) -> None:
-        if event.name == "view_stored":
-            self._camera = event.detail or self._camera
-            self._stored = self.view(truth)
+        self._camera = event.detail or self._camera
+        if event.name == "view_stored" and (seen := self.view(truth)) is not None:
+            self._stored[self._camera] = seen
 
     def error(self, truth: RigTruth) -> tuple[float, float] | None:
         """Return how far the Lens is from the stored view [m, rad], None before one is stored.
 
         Of a camera beside the arm: how far the target is.
         """
-        now = self.view(truth)
-        if self._stored is None or now is None:
+        now, stored = self.view(truth), self._stored.get(self._camera)
+        if stored is None or now is None:
             return None
         carried = self._eyes[self._camera].camera.on == "wrist"
-        a, b = (self._stored.inverse(), now.inverse()) if carried else (self._stored, now)
+        a, b = (stored.inverse(), now.inverse()) if carried else (stored, now)
         turn = rotation_log(a.R.T @ b.R)
         way = b.p - a.p
         return math.sqrt(float(way @ way)), math.sqrt(float(turn @ turn))

@@ -403,7 +403,7 @@ class Simulation:
             self._write("obstacle", message)
         elif isinstance(message, Event):
             self.events.append(message)
-            if message.name == "view_stored":
+            if message.name in ("view_stored", "view_kept"):
                 self.view.on_event(message, self.rig.truth())
             self._write("event", message)
 

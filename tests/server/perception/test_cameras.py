@@ -73,10 +73,10 @@ def watching(cell) -> Watching:
     return watching
 
 
-def test_a_late_picture_from_a_moving_arm_puts_the_target_where_it_is(watching):
+def test_a_late_picture_from_a_moving_arm_puts_the_target_where_it_is(cell):
+    watching = Watching(altered(cell, {"sources.vision.view": {"xyz": (0.0, 0.0, 0.0)}}))
     watching.go(30, (0.2, -0.1, 0.1, 0.3, 0.5, -0.4))
     watching.see(late=20)
-    watching.watch._view = Pose.identity()
     goal = watching.watch.goal(BASE)
     # With the view "tag and Lens are one" the goal is the target itself.
     np.testing.assert_allclose(goal.T_world_goal.p, TARGET.p, atol=1e-12)
@@ -190,6 +190,32 @@ def test_a_view_is_stored_only_of_a_camera_that_sees_something(watching):
     watching.see()
     watching.watch.store(None)
     watching.watch.require_view()
+
+
+def test_each_camera_has_a_stored_view_of_its_own_to_go_back_to(watching):
+    carried = Pose(rotation_rpy(1.5708, 1.5708, 0.0), np.array([0.0, -0.06, 0.02]))
+    place = watching.cell.config.cameras[1].T_world_lens
+    lens = Pose.from_xyz_rpy(place.xyz, place.rpy)
+    watching.see()
+    with pytest.raises(Refused, match="no view of camera beside is stored yet"):
+        watching.watch.store("beside", again=True)
+    first = watching.watch.store("wrist")
+    watching.go(20, (0.1, 0.0, 0.0, 0.0, 0.0, 0.2))
+    seen = lens.inverse() @ watching.wrists[watching.tick] @ carried
+    watching.see(camera="beside", poses=(seen.to_xyz_rpy(),))
+    second = watching.watch.store("beside")
+    watching.go(20, (0.1, 0.0, 0.0, 0.0, 0.0, 0.2))
+    assert watching.watch.store("wrist", again=True) == first
+    assert watching.watch.store("beside", again=True) == second
+    assert watching.watch.store(None, again=True) == second
+
+
+def test_a_view_is_kept_again_while_its_camera_sees_nothing(watching):
+    watching.see()
+    stored = watching.watch.store("wrist")
+    watching.go(100)
+    assert watching.watch.view is None
+    assert watching.watch.store("wrist", again=True) == stored
 
 
 def test_a_cell_without_cameras_has_no_view():

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from telerobot.config.load import HERE, load_cell
+from telerobot.tools.scripts.script import load_script
+from telerobot.tools.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.usefixtures("rendering")
 
@@ -70,3 +72,49 @@ def test_a_view_of_no_arm_that_holds_it_is_refused(play, cell_seen_by):
         cell=cell_seen_by("right"),
     )
     assert "'hand' is none of wrist" in run.summary["refused"][0]
+
+
+NODES_Y, NODES_Z = 0.013, 0.391
+"""Where both nodes let the beam's middle in, by the cell: 13 mm aside, 8 to 10 mm down [m]."""
+
+
+def test_a_view_that_cannot_be_stored_leaves_the_one_of_before(play, cell_seen_by):
+    cell = cell_seen_by("left")
+    run = play(
+        {"at_s": 0.3, "operator/store_view": {"task": "beam", "camera": "wrist"}},
+        {"at_s": 0.4, "operator/store_view": {"task": "beam", "camera": "hand"}},
+        {"at_s": 0.5, "operator/switch": {"task": "beam", "source": "vision", "on": True}},
+        seconds=0.8,
+        cell=cell,
+    )
+    assert len(run.summary["refused"]) == 1
+    assert run.states[-1].of("beam").view_error is not None
+
+
+@pytest.fixture(scope="module")
+def inserted():
+    """Return a run of the paper's task: by position, by the view at either end, by force."""
+    simulation = Simulation(load_cell("pa10_nodes"), load_script("see_and_insert"))
+    return simulation, simulation.run()
+
+
+def test_views_at_both_ends_bring_a_beam_to_nodes_that_nobody_was_told_of(inserted):
+    simulation, result = inserted
+    assert result.summary["ok"], result.summary["expected"]
+    assert result.summary["refused"] == []
+    kept = [e.detail for e in simulation.events if e.name == "view_kept"]
+    assert kept == ["left_eye", "right_eye"]
+    off = next(e for e in reversed(simulation.events) if e.name == "source_switched")
+    seen = next(t for t, s in zip(result.truths, result.states, strict=True) if s.tick == off.tick)
+    assert max(simulation.view.error(seen)) < 0.002  # of the right end, where it looked last
+    x, y, z, *turn = seen.beam.pose
+    assert abs(x - 0.55) < 0.002
+    assert abs(y - NODES_Y) < 5e-4
+    assert abs(z - NODES_Z) < 1e-3
+    assert max(map(abs, turn)) < 0.002
+
+
+def test_without_a_view_the_same_beam_stands_before_its_nodes():
+    """The nodes are farther off than their chamfers catch: the drawing alone leads nowhere."""
+    simulation = Simulation(load_cell("pa10_nodes"), load_script("two_nodes"))
+    assert max(simulation.run().summary["peg_depth_m"]) < 0.005
