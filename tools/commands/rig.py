@@ -17,13 +17,14 @@ from ...drivers.rig.rig import Rig
 from ...drivers.rig.session import RigSession, ScannerServer
 from ...protocols.canopen import can301
 from ...protocols.topics import Role
+from ...server.process import PRIORITY as DAEMON
 from ..host.address import cell_from
 from ..host.local_plant import until_told
 from ..host.progress import Sparing
 from ..simulation.sensors import FrameSensors
 
-PRIORITY = 50  # SCHED_FIFO priority: below the daemon's, above everything that is not on deadlines
-
+PRIORITY = DAEMON + 1
+"""SCHED_FIFO priority: hardware answers while a daemon computes, its own or another plant's."""
 
 TOLD_EVERY_S = 1.0  # refused faults and odd frames are told at most so often [s]
 LISTEN_PERIODS = 2  # another rig is listened for so long before this one starts [heartbeat periods]

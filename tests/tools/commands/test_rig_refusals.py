@@ -1,5 +1,6 @@
-"""`telerobot rig`: when it does not start."""
+"""`telerobot rig`: when it does not start, and for whom it does not wait."""
 
+import os
 import random
 
 import can
@@ -7,6 +8,8 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.bus import LoopbackBus
 from telerobot.drivers.device import DeviceError
+from telerobot.server import process
+from telerobot.tools.commands import rig
 from telerobot.tools.commands.rig import refuse_second
 
 
@@ -22,3 +25,16 @@ def test_a_rig_does_not_start_beside_another_one_that_is_driven(can_id: int) -> 
         refuse_second(cell, [own])
     other.shutdown()
     own.shutdown()
+
+
+def test_the_virtual_hardware_does_not_wait_while_a_daemon_computes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On two cores two daemons can keep a rig that is below them from a SYNC for a whole period."""
+    asked: list[int] = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda _pid, _how, to: asked.append(to.sched_priority)
+    )
+    rig._prefer()
+    (of_rig,) = asked
+    assert of_rig > process.PRIORITY
