@@ -18,6 +18,9 @@ pytestmark = [pytest.mark.hil, pytest.mark.alone]
 ABOVE = [0.0, 0.0, 0.05]
 """Of the Carrier; the tool points down to it [m]."""
 
+SWAYS = 0.25
+"""Greatest acceleration of the tool on a platform that sways, were it not led [m/s²]."""
+
 PUBLISHER = """
 import sys, time
 from telerobot.protocols import topics as t
@@ -101,13 +104,17 @@ def test_the_tool_keeps_its_pose_in_world_over_a_platform_that_sways(operator):
     sway = (0.0, 0.05, 0.02, 0.02, 0.0, 0.04)
     operator.inject(RigMotion(target="platform", sway=sway, period_s=4.0))
     plant.run_for(2.0)
+    ages = []
+    operator.on_state = lambda state: ages.append(state.frame_age_ticks["base"])
     swaying = during(plant, 4.0)
     first = pose(swaying[0].frames["base"]).inverse() @ at
     carried = np.ptp([(pose(tr.frames["base"]) @ first).p[1] for tr in swaying])
     assert carried > 0.12
     error = np.array([pose(tr.pose_mrf).p - at.p for tr in swaying])
     turned = [np.linalg.norm(rotation_log(at.R.T @ pose(tr.pose_mrf).R)) for tr in swaying]
-    assert np.linalg.norm(error, axis=1).max() < 5e-3
+    # News is carried on to now at the speed that it tells of: what it misses grows with its age.
+    oldest_s = max(ages) * 0.01
+    assert np.linalg.norm(error, axis=1).max() < 4e-3 + 0.5 * SWAYS * oldest_s**2
     assert np.ptp(error[:, 1]) < carried / 15.0
     assert max(turned) < 8e-3
     assert operator.state.mode == "enabled"
