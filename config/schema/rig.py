@@ -1,5 +1,6 @@
 """Schema of the virtual hardware, and of what stands about the arm."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -26,6 +27,22 @@ class RigBridgeSection(Section):
     distance: float = Field(
         2.5, ge=-20, le=50, description="of its middle's near face, ahead of World's origin [m]"
     )
+
+    @property
+    def blocks(self) -> dict[str, tuple[Vector3, Vector3]]:
+        """Middle in World and half size [m] of each of its bodies, all turned by `skew`."""
+        c, s = math.cos(self.skew), math.sin(self.skew)
+        depth, side = 0.5 * self.thickness, 0.5 * self.side
+        across, high = 0.5 * self.width + side, 0.5 * self.height
+        pillar, beam = (depth, side, high), (depth, across + side, side)
+        return {
+            name: ((self.distance + c * depth - s * y, self.offset + s * depth + c * y, z), half)
+            for name, y, z, half in (
+                ("bridge_left", across, high, pillar),
+                ("bridge_right", -across, high, pillar),
+                ("bridge_beam", 0.0, self.height + side, beam),
+            )
+        }
 
 
 class RigPersonSection(Section):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....config.drives import joint_bounds
 from ....config.load import Cell, ConfigError
-from ....config.schema.rig import RigBeamSection, RigBridgeSection
+from ....config.schema.rig import RigBeamSection
 from ....config.schema.section import PoseSection
 from ....config.schema.sources import SOURCES
 from ....config.schema.surroundings import ObstacleSection, RigTagSection
@@ -393,12 +393,15 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
     rig = cell.config.rig
     if rig is None:
         return None
+    boxes = [(box.name, box.xyz, box.rpy, box.half_size) for box in rig.boxes]
+    if rig.bridge is not None:
+        turned = (0.0, 0.0, rig.bridge.skew)
+        boxes += [(name, at, turned, half) for name, (at, half) in rig.bridge.blocks.items()]
     return {
         "boxes": [
-            {"name": b.name, "pose": seven(b.xyz, b.rpy), "half_size": b.half_size}
-            for b in rig.boxes
-        ]
-        + ([] if rig.bridge is None else _bridge(rig.bridge)),
+            {"name": name, "pose": seven(xyz, rpy), "half_size": half}
+            for name, xyz, rpy, half in boxes
+        ],
         "wall": None
         if rig.wall is None
         else {"pose": [*rig.wall.xyz, *along(rig.wall.normal)], "half_size": rig.wall.half_size},
@@ -415,29 +418,6 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
         "beam": None if rig.beam is None else _beam(rig.beam),
         "tool_radius": rig.tool_radius,
     }
-
-
-def _bridge(bridge: RigBridgeSection) -> list[dict[str, Any]]:
-    """Return pillars and beam; the near face's middle is `distance` ahead of World."""
-    c, s = math.cos(bridge.skew), math.sin(bridge.skew)
-    depth, side = 0.5 * bridge.thickness, 0.5 * bridge.side
-    across, high = 0.5 * bridge.width + side, 0.5 * bridge.height
-    each = (
-        ("bridge_left", across, high, (depth, side, high)),
-        ("bridge_right", -across, high, (depth, side, high)),
-        ("bridge_beam", 0.0, bridge.height + side, (depth, across + side, side)),
-    )
-    return [
-        {
-            "name": name,
-            "pose": seven(
-                (bridge.distance + c * depth - s * y, bridge.offset + s * depth + c * y, z),
-                (0.0, 0.0, bridge.skew),
-            ),
-            "half_size": half,
-        }
-        for name, y, z, half in each
-    ]
 
 
 def _tag(tag: RigTagSection) -> dict[str, Any]:
