@@ -130,6 +130,9 @@ def _rendered(
     for tag in tags:
         if (tag.tag, tag.family) == (camera.tag, camera.family) and tag.size != camera.tag_size:
             yield f"{where}.tag_size: value {camera.tag_size:g}: rig.tags has it as {tag.size:g}"
+        for i, other in enumerate(camera.board):
+            if (tag.tag, tag.family) == (other.tag, camera.family) and tag.size != other.size:
+                yield f"{where}.board[{i}].size: value {other.size:g}: rig.tags has {tag.size:g}"
 
 
 def _twice(where: str, names: list[str]) -> Iterator[str]:

@@ -296,8 +296,19 @@ TagFamily = Literal["4x4_50", "5x5_50", "6x6_50", "apriltag_36h11"]
 Pixels = Annotated[float, Field(gt=0, le=1e5)]
 
 
+class BoardTagSection(Section):
+    """A further tag, fixed to the one that a camera looks for: they are seen as one board."""
+
+    tag: int = Field(ge=0, le=586, description="its id, of the camera's family [1]")
+    size: float = Field(gt=0, le=2, description="side of its black square [m]")
+    T_board_tag: PoseSection = Field(
+        description="where it is, in the axes of the camera's `tag`: x to the right of its "
+        "picture, y up, z out of its face"
+    )
+
+
 class CameraSection(Section):
-    """A camera that looks for one planar tag; fixed to the Wrist, to World or to Base.
+    """A camera that looks for a planar tag, or several on a board; fixed to Wrist, World or Base.
 
     The Lens frame has its origin in the pinhole, x to the right of the picture, y down, z ahead.
     """
@@ -336,6 +347,12 @@ class CameraSection(Section):
     tag: int = Field(0, ge=0, le=586, description="id of the tag that it looks for [1]")
     tag_size: float = Field(0.1, gt=0, le=2, description="side of the tag's black square [m]")
     family: TagFamily = Field("5x5_50", description="which family of tags it is one of")
+    board: tuple[BoardTagSection, ...] = Field(
+        (),
+        max_length=32,
+        description="further tags on what carries it: any of them tells where `tag` is, all of "
+        "them better",
+    )
     video_hz: float = Field(
         20.0,
         ge=1,
@@ -349,6 +366,14 @@ class CameraSection(Section):
     video_kbit_s: int = Field(
         2000, ge=100, le=8000, description="most of its video that is sent [kbit/s]"
     )
+
+    @model_validator(mode="after")
+    def _once(self) -> "CameraSection":
+        ids = [self.tag, *(other.tag for other in self.board)]
+        twice = next((tag for tag in ids if ids.count(tag) > 1), None)
+        if twice is not None:
+            raise ValueError(f"board: tag {twice} is there twice: nobody could say which is seen")
+        return self
 
     @model_validator(mode="after")
     def _one_place(self) -> "CameraSection":

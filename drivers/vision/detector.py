@@ -1,16 +1,20 @@
-"""Finds one planar tag in a picture: corners to sub-pixel, then both poses that fit them.
+"""Finds a planar tag in a picture, or several on a board: corners to sub-pixel, then their poses.
 
 A square seen in a small picture has two poses that explain its corners almost equally well
 (Collins, Bartoli: Infinitesimal Plane-Based Pose Estimation, 2014). Both are told, the better one
-first, with their reprojection errors: who knows more may choose.
+first, with their reprojection errors: who knows more may choose. Of a board each tag that is seen
+proposes its poses, and all corners together decide.
 """
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...config.schema.section import PoseSection
 from ...config.schema.surroundings import CameraSection
 from .opencv import cv2, dictionary
 
@@ -35,6 +39,9 @@ _NUDGE_PX = 1e-6
 
 SAME_RAD = 0.02
 """Two poses this close together are one [rad]."""
+
+MOST_POSES = 2
+"""So many poses of a board are told at most [1]."""
 
 
 @dataclass(frozen=True)
@@ -68,24 +75,43 @@ class Detection:
     quality: float
     """From 0 to 1: small for tags that are small or don't fit a square."""
     corners: Array | None
-    """Corners in the picture (4, 2) [px], clockwise from the tag's upper left."""
+    """Corners in the picture (4, 2) [px] of the tag, or of the first of its board that was found:
+    clockwise from the upper left."""
 
 
 NOTHING = Detection((), 0.0, None)
 """No tag was seen."""
 
 
+class _Tag(NamedTuple):
+    """A tag of a board."""
+
+    square: Array  # corners (4, 3) in its own axes [m], clockwise from the upper left
+    R: Array  # from its axes to the board's (3, 3)
+    p: Array  # its middle in the board's (3,) [m]
+
+    @property
+    def corners(self) -> Array:
+        """Corners (4, 3) in the board's axes [m]."""
+        return np.asarray(self.square @ self.R.T + self.p)
+
+
+def _tag(size: float, place: PoseSection) -> _Tag:
+    h = size / 2
+    square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
+    return _Tag(square, _rotation(*place.rpy), np.array(place.xyz))
+
+
 class Detector:
-    """Looks for the tag of one camera."""
+    """Looks for the tag of one camera, and for those that its cell fixes to it."""
 
     def __init__(self, camera: CameraSection) -> None:
-        self._id = camera.tag
+        self._tags = {camera.tag: _tag(camera.tag_size, PoseSection())}
+        self._tags |= {other.tag: _tag(other.size, other.T_board_tag) for other in camera.board}
         fx, fy = camera.focal
         cx, cy = camera.centre
         self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         self._distortion = np.array(camera.distortion)
-        h = camera.tag_size / 2
-        self._square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         parameters.minMarkerPerimeterRate = PERIMETER_PX / max(camera.size)
@@ -95,42 +121,79 @@ class Detector:
         """Return what a picture, grey (h, w) or RGB (h, w, 3), shows of the tag."""
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         found, ids, _ = self._aruco.detectMarkers(grey)
-        matches = [] if ids is None else np.flatnonzero(ids.ravel() == self._id)
-        if len(matches) != 1:  # none; or two of one id, and nobody can say which is meant
-            return NOTHING
-        corners = np.asarray(found[int(matches[0])], dtype=float).reshape(4, 2)
+        seen = [] if ids is None else [int(i) for i in ids.ravel()]
+        # Of two of one id nobody can say which is meant.
+        corners = {
+            tag: np.asarray(found[seen.index(tag)], dtype=float).reshape(4, 2)
+            for tag in self._tags
+            if seen.count(tag) == 1
+        }
         candidates = self._poses(corners)
         if not candidates:
             return NOTHING
-        side = math.sqrt(abs(float(cv2.contourArea(corners.astype(np.float32)))))
-        quality = min(1.0, side / FINE_PX) * math.exp(-candidates[0].error_px / ROUGH_PX)
-        return Detection(candidates, quality, corners)
-
-    def _poses(self, corners: Array) -> tuple[Candidate, ...]:
-        """Return the one or two poses that explain the corners, the better one first.
-
-        IPPE's two, each refined by least squares: seen head-on, where IPPE splits the noise into
-        two tilts, both run into the one optimum between them.
-        """
-        if not np.any(corners[0] - corners[1] + corners[2] - corners[3]):
-            # A parallelogram to the last bit, as in a drawn picture: IPPE divides by zero.
-            corners = corners + np.array([[_NUDGE_PX, 0.0], [0.0] * 2, [0.0] * 2, [0.0] * 2])
-        count, turns, places, _ = cv2.solvePnPGeneric(
-            self._square, corners, self._K, self._distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        side = max(
+            math.sqrt(abs(float(cv2.contourArea(each.astype(np.float32)))))
+            for each in corners.values()
         )
+        quality = min(1.0, side / FINE_PX) * math.exp(-candidates[0].error_px / ROUGH_PX)
+        return Detection(candidates, quality, next(iter(corners.values())))
+
+    def _poses(self, corners: Mapping[int, Array]) -> tuple[Candidate, ...]:
+        """Return the poses that explain the corners (4, 2) of tags, the better one first.
+
+        IPPE's two of each tag, each refined by least squares over all corners: seen head-on, where
+        IPPE splits the noise into two tilts, both run into the one optimum between them.
+        """
+        if not corners:
+            return ()
+        points = np.concatenate([self._tags[tag].corners for tag in corners])
+        pixels = np.concatenate([_off_a_parallelogram(each) for each in corners.values()])
         found: list[Candidate] = []
-        for i in range(count):
+        for start_turn, start_place in self._starts(corners):
             turn, place = cv2.solvePnPRefineLM(
-                self._square, corners, self._K, self._distortion, turns[i], places[i]
+                points, pixels, self._K, self._distortion, start_turn, start_place
             )
-            seen, _ = cv2.projectPoints(self._square, turn, place, self._K, self._distortion)
-            error = float(np.sqrt(np.mean(np.sum((seen.reshape(4, 2) - corners) ** 2, axis=1))))
+            seen, _ = cv2.projectPoints(points, turn, place, self._K, self._distortion)
+            error = float(np.sqrt(np.mean(np.sum((seen.reshape(-1, 2) - pixels) ** 2, axis=1))))
             R = np.asarray(cv2.Rodrigues(turn)[0], dtype=float)
             p = np.asarray(place, dtype=float).ravel()
             new = not any(_angle(R, c.R) < SAME_RAD for c in found)
             if new and p[2] > 0.0 and np.abs(p).max() < FARTHEST_M and math.isfinite(error):
                 found.append(Candidate(R, p, error))
-        return tuple(sorted(found, key=lambda c: c.error_px))
+        return tuple(sorted(found, key=lambda c: c.error_px)[:MOST_POSES])
+
+    def _starts(self, corners: Mapping[int, Array]) -> Iterator[tuple[Array, Array]]:
+        """Yield turns (3, 1) and places (3, 1) of the board that one tag alone explains."""
+        for tag, pixels in corners.items():
+            of = self._tags[tag]
+            count, turns, places, _ = cv2.solvePnPGeneric(
+                of.square, _off_a_parallelogram(pixels), self._K, self._distortion,
+                flags=cv2.SOLVEPNP_IPPE_SQUARE,
+            )  # fmt: skip
+            for i in range(count):
+                turn, place = np.asarray(turns[i], dtype=float), np.asarray(places[i], dtype=float)
+                if of.p.any() or not np.array_equal(of.R, np.eye(3)):
+                    R = np.asarray(cv2.Rodrigues(turn)[0] @ of.R.T, dtype=float)
+                    turn = np.asarray(cv2.Rodrigues(R)[0], dtype=float)
+                    place = place - (R @ of.p).reshape(3, 1)
+                yield turn, place
+
+
+def _off_a_parallelogram(corners: Array) -> Array:
+    """Return corners (4, 2) [px] that are none to the last bit: IPPE divides by zero there."""
+    if np.any(corners[0] - corners[1] + corners[2] - corners[3]):
+        return corners
+    nudged = corners.copy()
+    nudged[0, 0] += _NUDGE_PX
+    return nudged
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> Array:
+    """Return the rotation (3, 3) of fixed-axis roll, pitch, yaw [rad]."""
+    X, Y, Z = (cv2.Rodrigues(np.array(axis))[0] for axis in (
+        (roll, 0.0, 0.0), (0.0, pitch, 0.0), (0.0, 0.0, yaw),
+    ))  # fmt: skip
+    return np.asarray(Z @ Y @ X, dtype=float)
 
 
 def _angle(A: Array, B: Array) -> float:

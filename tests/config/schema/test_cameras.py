@@ -43,6 +43,11 @@ def test_a_camera_and_a_tag_are_read(seeing):
         ("tag = 7\n\n[sou", "T_world_lens = {}\n\n[sou", r"cameras\[0\]: give one of T_wrist_lens"),
         ("tag = 7\n\n[sou", "focal = [500.0, 510.0]\n\n[sou", r"cameras\[0\]\.focal: .*pinhole"),
         ("tag = 7\n\n[sou", "tag = 7\ntag_size = 0.2\n\n[sou", r"tag_size: value 0\.2: .*as 0\.1"),
+        (
+            "tag = 7\n\n[sou",
+            "tag = 3\nboard = [{ tag = 7, size = 0.2, T_board_tag = {} }]\n\n[sou",
+            r"cameras\[0\]\.board\[0\]\.size: value 0\.2: rig\.tags has 0\.1",
+        ),
         ('camera = "eye"', "gain = [-1.0, 1, 1, 1, 1, 1]", r"vision\.gain\[0\]: value -1"),
         ("T_world_tag = {", "T_wrist_tag = {}\nT_world_tag = {", r"rig\.tags\[0\]: give either"),
     ],

@@ -35,11 +35,13 @@ def bench(request):
         camera = wrist
         detector = Detector(wrist)
 
-        def picture(self, T_lens_tag, covered=()):
-            x, y, z, *rpy = (T_WORLD_LENS @ T_lens_tag).to_xyz_rpy()
-            pose = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
-            moved = tag.model_copy(update={"T_world_tag": pose})
-            made = altered(cell, {"rig.tags": (moved,), "rig.boxes": ()})
+        def picture(self, T_lens_tag, covered=(), board=()):
+            tags = [self.placed(T_lens_tag, tag)]
+            for other in board:
+                there = T_lens_tag @ Pose.from_xyz_rpy(other.T_board_tag.xyz, other.T_board_tag.rpy)
+                update = {"name": f"t{other.tag}", "tag": other.tag, "size": other.size}
+                tags.append(self.placed(there, tag.model_copy(update=update)))
+            made = altered(cell, {"rig.tags": tuple(tags), "rig.boxes": ()})
             with pytest.MonkeyPatch.context() as patch:
                 if request.param == "drawn":
                     patch.setattr(camera, "_unusable", ["this test draws"])
@@ -49,6 +51,11 @@ def bench(request):
                 return cameras.picture("wrist", park, covered)
             finally:
                 cameras.close()
+
+        def placed(self, T_lens_tag, tag):
+            x, y, z, *rpy = (T_WORLD_LENS @ T_lens_tag).to_xyz_rpy()
+            pose = PoseSection(xyz=(x, y, z), rpy=tuple(rpy))
+            return tag.model_copy(update={"T_world_tag": pose})
 
         def look(self, T_lens_tag):
             return self.detector.look(self.picture(T_lens_tag))
@@ -129,3 +136,65 @@ def test_the_same_picture_gives_the_same_pose_to_the_last_bit(bench):
     picture = bench.picture(facing(0.02, 0.03, 0.5, (0.3, 0.2, 0.0)))
     first, second = bench.detector.look(picture), bench.detector.look(picture)
     assert first.candidates[0].R.tobytes() == second.candidates[0].R.tobytes()
+
+
+BOARD = (
+    {"tag": 9, "size": 0.06, "T_board_tag": {"xyz": [0.13, 0.02, 0.0], "rpy": [0.0, 0.0, 0.7]}},
+    {
+        "tag": 11,
+        "size": 0.08,
+        "T_board_tag": {"xyz": [-0.12, -0.01, 0.03], "rpy": [0.2, -0.3, 0.0]},
+    },
+)
+"""Tags beside the first one: turned, and one of them tilted out of its plane."""
+
+
+@pytest.fixture(scope="module")
+def boarded(bench):
+    """A detector for the tag and those beside it."""
+    from telerobot.config.schema.surroundings import CameraSection
+    from telerobot.drivers.vision.detector import Detector
+
+    camera = CameraSection.model_validate({**bench.camera.model_dump(), "board": BOARD})
+    return Detector(camera), camera.board
+
+
+@pytest.mark.parametrize("covered", [(), ("panel",), ("panel", "t9"), ("t11",)])
+def test_any_tag_of_a_board_tells_where_the_first_one_is(bench, boarded, covered):
+    detector, board = boarded
+    truth = facing(0.02, -0.03, 0.5, (0.3, -0.4, 0.2))
+    sight = detector.look(bench.picture(truth, covered, board))
+    metres, radians = apart(truth, sight.candidates[0])
+    assert metres < 0.005
+    assert radians < 0.03
+    if "panel" in covered:
+        assert bench.detector.look(bench.picture(truth, covered, board)).candidates == ()
+
+
+def test_a_board_that_is_far_away_has_one_pose_where_its_tag_alone_has_two(bench, boarded):
+    detector, board = boarded
+    truth = facing(0.0, 0.0, 1.6, (0.35, 0.0, 0.0))
+    picture = bench.picture(truth, board=board)
+    alone, together = bench.detector.look(picture), detector.look(picture)
+    assert len(alone.candidates) == 2
+    best, *others = together.candidates
+    assert apart(truth, best)[1] < 0.05
+    assert all(other.error_px > 3.0 * best.error_px for other in others)
+
+
+def test_a_tag_of_a_board_that_is_there_twice_is_left_out(bench, boarded):
+    detector, board = boarded
+    truth = facing(0.0, 0.0, 0.6)
+    picture = bench.picture(truth, board=board)
+    picture[:120] = np.roll(bench.picture(truth, ("panel", "t9"), board), -150, axis=0)[:120]
+    metres, _ = apart(truth, detector.look(picture).candidates[0])
+    assert metres < 0.005
+
+
+def test_a_board_with_a_tag_twice_is_bad_usage():
+    from pydantic import ValidationError
+    from telerobot.config.schema.surroundings import CameraSection
+
+    camera = {"name": "wrist", "T_world_lens": {}, "tag": 9, "board": BOARD}
+    with pytest.raises(ValidationError, match="tag 9 is there twice"):
+        CameraSection.model_validate(camera)

@@ -227,3 +227,31 @@ def test_a_view_is_kept_from_a_platform_that_sways(play, cell):
     metres, radians = errors(run, 7.0).max(axis=0)
     assert metres < 3e-3
     assert radians < 4e-3
+
+
+def test_a_view_is_reached_by_another_tag_of_the_board_while_its_own_is_covered(play, cell):
+    rig = cell.config.rig
+    (panel,) = (tag for tag in rig.tags if tag.name == "panel")
+    beside = {"xyz": (1.16, -0.13, 0.46), "rpy": panel.T_world_tag.rpy}
+    update = {"name": "beside", "tag": 9, "size": 0.08}
+    update["T_world_tag"] = panel.T_world_tag.model_copy(update=beside)
+    board = ({"tag": 9, "size": 0.08, "T_board_tag": {"xyz": (0.13, -0.02, 0.0)}},)
+    boarded = altered(
+        cell,
+        {"rig.tags": (*rig.tags, panel.model_copy(update=update)), "cameras.0.board": board},
+    )
+    steps = [
+        *STORE[:2],
+        {"at_s": 2.5, "cmd/position": {"xyz": [-0.12, 0.08, 0.03], "rpy": [0.0, 0.1, -0.2],
+         "relative_to": "mrf", "expressed_in": "base", "speed": 0.15}},
+        {"at_s": 4.8, "cmd/cancel": {}},
+        {"at_s": 4.9, "rig/fault": {"kind": "cover", "target": "panel"}},
+        {"at_s": 5.2, "operator/switch": {"source": "vision", "on": True}},
+    ]  # fmt: skip
+    run = play(*steps, seconds=12.0, cell=boarded)
+    clean(run)
+    assert errors(run, 4.9, 5.1)[:, 0].min() > 0.1
+    metres, radians = errors(run)[-50:].max(axis=0)
+    assert metres < 2.5 * REACHED[0]
+    assert radians < 2.5 * REACHED[1]
+    assert run.events("view_lost") == []
