@@ -51,6 +51,7 @@ MOMENTS: Final[Mapping[str, Moment]] = {
     "pa10_hand": Moment(2.0, handle="translate"),
     "pa10_hand_pole": Moment(7.0),
     "pa10_hand_torque": Moment(2.0),
+    "pa10_nodes": Moment(10.0),
     "pa10_pair": Moment(9.0),
     "pa10_peg": Moment(9.0),
     "pa10_platform": Moment(9.0, script="platform"),
