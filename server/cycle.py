@@ -73,8 +73,8 @@ class _Dummy:
         self.q = np.array(part.config.mechanism.postures["start"])
         commands = Commands.from_cell(part)
         every = ObjectiveGains(dict.fromkeys(OBJECTIVES, 0.1), self.q)
-        self._settings = replace(commands.control_settings(), objectives=every)
-        self._moved = commands.frames.moved if commands.frames.may_move else None
+        self._settings = replace(commands.settings.for_control(), objectives=every)
+        self._moved = commands.frames.moved if commands.frames.movable else None
         self._stick = StickCommand(np.full(6, 0.01), np.eye(3))
 
     def inputs(self, q_command: Array, intent: Intent, way: float) -> Inputs:

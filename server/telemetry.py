@@ -2,13 +2,14 @@
 
 import math
 from importlib import metadata
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ..config.drives import joint_bounds
 from ..config.load import Cell, joint_part
 from ..config.schema.joint_task import JointTaskSection
 from ..config.schema.sources import SOURCES
-from ..protocols.messages.messages import VERSION, Vector6
+from ..protocols.canopen.cia402 import DriveState
+from ..protocols.messages.messages import VERSION
 from ..protocols.messages.telemetry import (
     Description,
     RecordedTick,
@@ -17,7 +18,6 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
-from .control.inputs import Payload
 from .control.mechanism.field import FieldReading
 from .control.mechanism.redundancy import Near
 from .control.spatial import Array
@@ -27,11 +27,16 @@ from .events import Events
 from .mode import Mode
 from .operators.admission import Admission
 from .operators.link import Link, network
-from .perception.ahead import Passage
 from .plant import PlantReading
 from .recorder import KeptTick, pack
 from .units.unit import Unit, described_base, described_insertion, described_self_motion
 from .units.units import JointUnit, Units
+
+DRIVE_WORDS: Final[dict[DriveState | None, str]] = {
+    None: "unknown",
+    **{state: state.name.lower() for state in DriveState},
+}
+"""The states of drives as operators read them."""
 
 DESCRIBE_EVERY_S = 0.2
 """Time between two descriptions, for operators that come late [s]."""
@@ -104,44 +109,48 @@ class TickRecord(NamedTuple):
 
 def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | None:
     """Return the state of one tick, as operators see it; None before the first was computed."""
-    outputs = [unit.output for unit in units.each if unit.output is not None]
-    if len(outputs) < len(units.each):
-        return None
-    reading = record.reading
-    tasks = [
-        _of_task(record, unit, output, own.wrench)
-        for unit, output, own in zip(units.each, outputs, reading.units, strict=True)
-    ]
+    reading, outputs, tasks = record.reading, [], []
+    q_command: list[float] = []
+    dq_command: list[float] = []
+    following_error: list[float] = []
+    for unit, own in zip(units.each, reading.units, strict=True):
+        output = unit.output
+        if output is None:
+            return None
+        q_command += output.motion.q.tolist()
+        dq_command += output.motion.dq.tolist()
+        following_error += output.seen.error.tolist()
+        outputs.append(output)
+        tasks.append(_of_task(record, unit, output, own.wrench))
+    beside = {
+        unit.task: TaskState.of_valid(**told)
+        for unit, told in zip(units.each[1:], tasks[1:], strict=True)
+    }
+    for joint in units.joint:
+        if joint.output is not None:
+            beside[joint.task] = TaskState.of_valid(**_of_task(record, joint, joint.output, None))
     return State.of_valid(
         **tasks[0],
         tick=record.tick,
         time_s=record.time_s,
         mode=str(record.mode),
         q=tuple(record.q.tolist()),
-        q_command=tuple(x for output in outputs for x in output.q.tolist()),
-        dq_command=tuple(x for output in outputs for x in output.dq.tolist()),
+        q_command=tuple(q_command),
+        dq_command=tuple(dq_command),
         tau=tuple(reading.tau.tolist()),
-        following_error=tuple(x for output in outputs for x in output.seen.error.tolist()),
+        following_error=tuple(following_error),
         devices={name: dict(values) for name, values in reading.values.items()},
         avoiding=units.settings.avoid,
-        gaps=tuple((g.link, g.other, g.gap, g.active) for g in outputs[0].gaps),
+        gaps=tuple([(g.link, g.other, g.gap, g.active) for g in outputs[0].gaps]),
         speed_factor=units.settings.speed_factor,
-        drives=tuple("unknown" if s is None else s.name.lower() for s in reading.states),
+        drives=tuple(map(DRIVE_WORDS.get, reading.states)),
         protective_stop=record.protective_stop,
         lease_epoch=admission.lease.epoch,
         lease_holder=admission.lease.holder,
         last_seq=dict(admission.last_seq),
         command_age_ticks=admission.age_ticks,
         overruns=record.overruns,
-        tasks={
-            unit.task: TaskState.of_valid(**told)
-            for unit, told in zip(units.each[1:], tasks[1:], strict=True)
-        }
-        | {
-            joint.task: TaskState.of_valid(**_of_task(record, joint, joint.output, None))
-            for joint in units.joint
-            if joint.output is not None
-        },
+        tasks=beside,
     )
 
 
@@ -150,62 +159,77 @@ def _of_task(
 ) -> dict[str, Any]:
     """Return what is told of one arm and its task; `wrench` (6,) is what its sensor reads."""
     commands, perception = unit.commands, unit.perception
-    vision, frames, external = (
-        unit.vision,
-        perception.moving_frames,
-        perception.collisions.external,
-    )
-    view, tick = vision.view, record.tick
-    found, path = output.desired.found, output.task.position.progress
-    tunnel = commands.settings.tunnel
+    vision, frames, tick = unit.vision, perception.moving_frames, record.tick
+    external, passage = perception.collisions.external, perception.passage
+    seen, desired, task, held = output.seen, output.desired, output.task, output.held
+    found, near, settings = desired.found, seen.near, commands.settings
+    path, tunnel, payload = task.position.progress, settings.tunnel, settings.payload
+    target, master, by_hand = commands.target, commands.master, commands.self_motion.goal
+    poses: dict[str, Any] = {}
+    ages: dict[str, int | None] = {}
+    for name in frames.names:
+        poses[name], ages[name] = frames.body(name).T.to_xyz_rpy(), frames.age(name, tick)
+    shares: dict[str, Any] = {}
+    carried: dict[str, Any] = {}
+    for name, grasp in unit.grasps.items():
+        shares[name] = tuple(grasp.weights.tolist())
+        carried[name] = (grasp.share, grasp.carried)
+    view = view_age = view_error = None
+    if vision.watching:
+        view, view_age, view_error = vision.view, vision.age(tick), vision.error
     return {
         "external_torque": None if external is None else tuple(external.tolist()),
         "pose_mrf": output.T_world_mrf.to_xyz_rpy(),
         "pose_mrf_measured": output.T_world_mrf_measured.to_xyz_rpy(),
         "pose_crf": commands.frames.T_world_crf.to_xyz_rpy(),
         "ground": commands.ground(record.time_s),
-        "frames": {name: frames.body(name).T.to_xyz_rpy() for name in frames.names},
-        "frame_age_ticks": {name: frames.age(name, tick) for name in frames.names},
-        "target_mrf": None if commands.target is None else commands.target.to_xyz_rpy(),
-        "wrench_mrf": None if output.seen.wrench is None else _six(output.seen.wrench),
-        "wrench_sensor": None if wrench is None else _six(wrench),
-        "gripper_closed": commands.settings.gripper_closed,
-        "payload": None if commands.settings.payload is None else _four(commands.settings.payload),
+        "frames": poses,
+        "frame_age_ticks": ages,
+        "target_mrf": None if target is None else target.to_xyz_rpy(),
+        "wrench_mrf": None if seen.wrench is None else tuple(seen.wrench.tolist()),
+        "wrench_sensor": None if wrench is None else tuple(wrench.tolist()),
+        "gripper_closed": settings.gripper_closed,
+        "payload": None if payload is None else (payload.mass, *payload.com.tolist()),
         "view": None if view is None else view.to_xyz_rpy(),
-        "view_age_ticks": vision.age(tick),
-        "view_error": vision.error,
-        "sources": {name: _six(twist) for name, twist in output.desired.twists.items()},
-        "gains": {name: _six(gain) for name, gain in output.task.gains.items()},
-        "on": dict(commands.settings.on),
-        "twist": _six(output.desired.twist),
+        "view_age_ticks": view_age,
+        "view_error": view_error,
+        "sources": {name: tuple(twist.tolist()) for name, twist in desired.twists.items()},
+        "gains": {name: tuple(gain.tolist()) for name, gain in task.gains.items()},
+        "on": dict(settings.on),
+        "twist": tuple(desired.twist.tolist()),
         "self_motion": tuple(found.self_motion.dq.tolist()),
         "objectives": {
             name: (gain, found.self_motion.norms.get(name, 0.0))
             for name, gain in output.objectives.gains.items()
         },
         "arm_angle": unit.arm_angle,
-        "arm_angle_target": commands.self_motion.target,
-        "axes_held": (1.0,) * 6 if output.task.held is None else _six(output.task.held),
+        "arm_angle_target": None if by_hand is None else by_hand.angle,
+        "axes_held": (1.0,) * 6 if task.held is None else tuple(task.held.tolist()),
         "path": None if path is None else _numbers(path),
         "path_mrf": None if output.T_world_path is None else output.T_world_path.to_xyz_rpy(),
         "master": {
-            "engaged": float(commands.master.engaged),
-            "leading": float(commands.master.target is not None),
-            "translation": commands.master.translation,
-            "rotation": commands.master.rotation,
+            "engaged": float(master.engaged),
+            "leading": float(master.target is not None),
+            "translation": master.translation,
+            "rotation": master.rotation,
         },
         "scale": output.scale,
-        "limits": output.limits + _held(perception.passage),
-        "held_by": None if output.held is None else output.held.task,
-        "internal_force": None if output.held is None else output.held.internal_force,
-        "internal_moment": None if output.held is None else output.held.internal_moment,
-        "shares": {name: _six(held.weights) for name, held in unit.grasps.items()},
-        "carried": {name: (held.share, held.carried) for name, held in unit.grasps.items()},
+        # The last one is why a base that is driven ahead makes no headway.
+        "limits": (
+            (*output.limits, passage.held)
+            if passage is not None and passage.held
+            else output.limits
+        ),
+        "held_by": None if held is None else held.task,
+        "internal_force": None if held is None else held.internal_force,
+        "internal_moment": None if held is None else held.internal_moment,
+        "shares": shares,
+        "carried": carried,
         "sigma_min": found.sigma_min if math.isfinite(found.sigma_min) else -1.0,
         "potential": None if found.field is None else potential(found.field),
-        "off_path": None if output.task.off_path is None else _three(output.task.off_path),
-        "spheres": {} if output.seen.near is None else sphere_distances(output.seen.near),
-        "priority": None if output.seen.near is None else output.seen.near.alpha,
+        "off_path": None if task.off_path is None else tuple(task.off_path.tolist()),
+        "spheres": {} if near is None else sphere_distances(near),
+        "priority": None if near is None else near.alpha,
         "insertion": unit.arm.body.telemetry(found.insertion),
         "tunnel": None if tunnel is None else tunnel.pieces,
         "tunnel_open": 0 if tunnel is None else tunnel.open,
@@ -251,8 +275,9 @@ class Telemetry:
             self._link.publish(STATE, state)
         if heard(REFLECTION):
             for unit in units.each:
-                reflection = unit.commands.handle.message(record.tick)
-                if reflection is not None:
+                reflector = unit.commands.reflector
+                if reflector is not None:
+                    reflection = reflector.message(record.tick)
                     if len(units.each) > 1:
                         reflection = reflection.model_copy(update={"task": unit.task})
                     self._link.publish(REFLECTION, reflection)
@@ -269,25 +294,10 @@ def potential(reading: FieldReading) -> dict[str, float]:
     return {**reading.parts, "slope": reading.slope}
 
 
-def _held(passage: Passage | None) -> tuple[str, ...]:
-    """Return why a base that is driven ahead makes no headway, if so, as the name of a limit."""
-    return () if passage is None or not passage.held else (passage.held,)
-
-
 def sphere_distances(near: Near) -> dict[str, float]:
     """Return how far each virtual sphere's centre is from the nearest obstacle [m], if any."""
     each = zip(near.names, near.distances.each.tolist(), strict=True)
     return {name: distance for name, distance in each if math.isfinite(distance)}
-
-
-def _three(values: Array) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return (x, y, z)
-
-
-def _four(payload: Payload) -> tuple[float, float, float, float]:
-    x, y, z = payload.com.tolist()
-    return (payload.mass, x, y, z)
 
 
 def _numbers(path: Progress) -> dict[str, float]:
@@ -297,8 +307,3 @@ def _numbers(path: Progress) -> dict[str, float]:
         "part": path.part,
         "pace": path.pace,
     }
-
-
-def _six(values: Array) -> Vector6:
-    a, b, c, d, e, f = values.tolist()
-    return (a, b, c, d, e, f)

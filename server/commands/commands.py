@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, Generic, Self, TypeVar
+from typing import Any, Final, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -27,18 +27,16 @@ from ..control.inputs import (
     PathGoal,
     Pursuit,
     SelfMotionRequest,
-    Settings,
     StickCommand,
 )
 from ..control.mechanism.self_motion import REACHED, HandState
 from ..control.scene import GROUNDS, FrameTree, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist
-from ..control.state import Output
 from ..reflection import Reflector
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds
 from .frames import FrameSet, path_goal, placed, wrench_kept
-from .haptics import HapticHandle, Master, reflector_of
+from .haptics import Master, reflector_of
 from .settings import CellSettings, OperatorSettings
 
 NOT_MEASURED: Final = np.zeros(0)
@@ -52,29 +50,36 @@ MessageT = TypeVar("MessageT", bound=m.Command)
 class Stream(Generic[MessageT]):
     """The newest message of one stream; it is in force for `timeout_s` after it came."""
 
-    def __init__(self, timeout_s: float) -> None:
-        self._timeout_s = timeout_s
-        self._newest: MessageT | None = None
+    def __init__(self, timeout_s: float, moves: Callable[[MessageT], bool]) -> None:
+        """Build it; `moves` says whether a message asks for motion."""
+        self._timeout_s, self._moves = timeout_s, moves
+        self.message: MessageT | None = None
+        """The newest message, however old; None without one."""
         self._since_s = 0.0
 
     def take(self, message: MessageT, now_s: float) -> None:
         """Put a message in force."""
-        self._newest, self._since_s = message, now_s
+        self.message, self._since_s = message, now_s
 
     def newest(self, now_s: float) -> MessageT | None:
         """Return the message in force, None once it is too old."""
-        return None if now_s - self._since_s > self._timeout_s else self._newest
+        return None if now_s - self._since_s > self._timeout_s else self.message
 
-    def expire(self, now_s: float) -> MessageT | None:
-        """Forget a message that is too old and return it; None where there is none."""
-        if self._newest is None or self.newest(now_s) is not None:
-            return None
-        expired, self._newest = self._newest, None
-        return expired
+    def fell_silent(self, now_s: float) -> bool:
+        """Forget a message that is too old; return whether there was one that asks for motion."""
+        message = self.message
+        if message is None or now_s - self._since_s <= self._timeout_s:
+            return False
+        self.message = None
+        return self._moves(message)
 
     def clear(self) -> None:
         """Forget the message."""
-        self._newest = None
+        self.message = None
+
+
+def _drives(message: Drive | m.JointJog) -> bool:
+    return any(message.rates)
 
 
 # --- Commands that drive an arm into its tunnels and out: a stream of speed, or a depth to go to
@@ -86,7 +91,7 @@ class InsertionCommands:
     def __init__(self, backbone: BackboneSection | None, length: float, timeout_s: float) -> None:
         """Build it for an arm of a length from its first joint to its tip [m]."""
         self._backbone, self._length = backbone, length
-        self._stream = Stream[Drive](timeout_s)
+        self.stream = Stream[Drive](timeout_s, _drives)
         self._goal: DriveRequest | None = None
 
     @classmethod
@@ -117,28 +122,23 @@ class InsertionCommands:
             )
         if message.rates[0]:
             self._goal = None
-        self._stream.take(message, now_s)
+        self.stream.take(message, now_s)
 
     def _take_goal(self, message: Insert, backbone: BackboneSection) -> None:
         deepest = self._length - backbone.least
         if message.depth > deepest + 1e-9:
             raise Refused(Why.OUT_OF_RANGE, f"depth: {message.depth:g} m: at most {deepest:.4f} m")
-        self._stream.clear()
+        self.stream.clear()
         self._goal = DriveRequest(
             min(message.speed or backbone.speed, backbone.speed), message.depth
         )
 
     def newest(self, now_s: float) -> DriveRequest:
         """Return what is in force now."""
-        if self._goal is not None:
-            return self._goal
-        message = self._stream.newest(now_s)
+        if self._goal is not None or self.stream.message is None:
+            return self._goal or STILL
+        message = self.stream.newest(now_s)
         return STILL if message is None else DriveRequest(message.rates[0])
-
-    def expired(self, now_s: float) -> bool:
-        """Return whether a drive fell silent that was to move, and forget it."""
-        message = self._stream.expire(now_s)
-        return message is not None and any(message.rates)
 
     def drop(self) -> None:
         """Drop the goal."""
@@ -146,7 +146,7 @@ class InsertionCommands:
 
     def clear(self) -> None:
         """Drop goal and stream."""
-        self._stream.clear()
+        self.stream.clear()
         self._goal = None
 
 
@@ -159,7 +159,7 @@ class BaseCommands:
     def __init__(self, base: DrivenSection, timeout_s: float) -> None:
         """Build it; a drive is in force for `timeout_s` after it came."""
         self._base = base
-        self._stream = Stream[Drive](timeout_s)
+        self.stream = Stream[Drive](timeout_s, _drives)
 
     def take(self, message: Drive | Insert, now_s: float, _T: Pose) -> None:
         """Put a drive in force. Raises `Refused`."""
@@ -173,24 +173,19 @@ class BaseCommands:
             if abs(value) > most * (1 + 1e-9):
                 words = f"rates[{i}]: {value:g} {unit}: at most {most:g} either way"
                 raise Refused(Why.OUT_OF_RANGE, words)
-        self._stream.take(message, now_s)
+        self.stream.take(message, now_s)
 
     def newest(self, now_s: float) -> DriveRequest:
         """Return what is in force now."""
-        message = self._stream.newest(now_s)
+        message = self.stream.newest(now_s)
         return STILL if message is None else DriveRequest(message.rates[0], turn=message.rates[1])
-
-    def expired(self, now_s: float) -> bool:
-        """Return whether a drive fell silent that was to move, and forget it."""
-        message = self._stream.expire(now_s)
-        return message is not None and any(message.rates)
 
     def drop(self) -> None:
         """Keep the drive: it is no goal."""
 
     def clear(self) -> None:
         """Forget the drive."""
-        self._stream.clear()
+        self.stream.clear()
 
 
 DriveCommands = BaseCommands | InsertionCommands
@@ -230,14 +225,10 @@ class SelfMotionCommands:
         of its quickest [1].
         """
         self._spare, self._most, self._angled = spare, most, angled
-        self._stream = Stream[m.SelfMotion](timeout_s)
-        self._goal: SelfMotionRequest | None = None
+        self.stream = Stream[m.SelfMotion](timeout_s, lambda message: message.rate != 0.0)
+        self.goal: SelfMotionRequest | None = None
+        """The arm angle that is gone to, or kept."""
         self._least, self._since_s = math.inf, 0.0
-
-    @property
-    def target(self) -> float | None:
-        """Arm angle that is gone to, or kept [rad]."""
-        return None if self._goal is None else self._goal.angle
 
     def take(self, message: m.SelfMotion, now_s: float) -> bool:
         """Put a rate in force; return whether it asks for motion, which ends an angle.
@@ -252,7 +243,7 @@ class SelfMotionCommands:
             raise Refused(
                 Why.OUT_OF_RANGE, f"rate: {message.rate:g}{unit}: at most {self._most:g} either way"
             )
-        self._stream.take(message, now_s)
+        self.stream.take(message, now_s)
         if moves:
             self.drop()
         return moves
@@ -263,49 +254,44 @@ class SelfMotionCommands:
         if not self._angled:
             why = "the arm has no arm angle: its axes make no shoulder, elbow and wrist"
             raise Refused(Why.UNKNOWN_MECHANISM, why)
-        self._stream.clear()
+        self.stream.clear()
         speed = min(message.speed or self._most, self._most)
-        self._goal = SelfMotionRequest(speed, message.angle)
+        self.goal = SelfMotionRequest(speed, message.angle)
         self._least, self._since_s = math.inf, now_s
 
     def newest(self, now_s: float) -> SelfMotionRequest:
         """Return what is in force now."""
-        if self._goal is not None:
-            return self._goal
-        message = self._stream.newest(now_s)
+        if self.goal is not None or self.stream.message is None:
+            return self.goal or UNASKED
+        message = self.stream.newest(now_s)
         return UNASKED if message is None else SelfMotionRequest(message.rate)
-
-    def expired(self, now_s: float) -> bool:
-        """Return whether a stream fell silent that was to move something, and forget it."""
-        message = self._stream.expire(now_s)
-        return message is not None and message.rate != 0.0
 
     def look(self, state: HandState, now_s: float) -> bool | None:
         """Return whether the angle is reached, once: False where it is out of reach, and dropped.
 
         None as long as neither is so; `state` is how far it has come.
         """
-        goal, left = self._goal, abs(state.left)
+        goal, left = self.goal, abs(state.left)
         if goal is None or goal.kept:
             return None
         if left <= REACHED:
-            self._goal = goal._replace(kept=True)
+            self.goal = goal._replace(kept=True)
             return True
         if left < self._least - NEARER:
             self._least, self._since_s = left, now_s
         elif now_s - self._since_s > STUCK_S:
-            self._goal = None
+            self.goal = None
             return False
         return None
 
     def drop(self) -> None:
         """Drop the angle."""
-        self._goal = None
+        self.goal = None
 
     def clear(self) -> None:
         """Drop angle and stream."""
-        self._stream.clear()
-        self._goal = None
+        self.stream.clear()
+        self.goal = None
 
     def _require_spare(self) -> None:
         if self._spare() < 1:
@@ -393,13 +379,6 @@ class Goals:
         if self.goal is not None:
             self.goal = replace(self.goal, attempt=self.goal.attempt + 1)
 
-    def placed_target(self, T_wrist_mrf: Pose) -> tuple[str, Pose] | None:
-        """Return the target's ground and the pose of an MRF there; None without a target."""
-        T = None if self.goal is None else self.goal.T_world_target
-        if T is None or T_wrist_mrf is self.T_wrist_goal:
-            return None if T is None else (self.ground, T)
-        return self.ground, T @ (self.T_wrist_goal.inverse() @ T_wrist_mrf)
-
 
 # --- The wrench that the arm is to exert: its value, and the frame in whose axes it is given ------
 
@@ -409,30 +388,26 @@ class WrenchGoal:
 
     def __init__(self) -> None:
         self.value = np.zeros(6)
-        self._frame = Frame.MRF
+        self.frame = Frame.MRF
 
     def set(self, value: Array, expressed_in: Frame) -> None:
         """Put a wrench (6,) in the axes of a frame in force."""
-        self.value, self._frame = value, expressed_in
+        self.value, self.frame = value, expressed_in
 
     def cancel(self) -> None:
         """Exert nothing, in the same axes."""
         self.value = np.zeros(6)
 
-    def axes(self, tree: FrameTree) -> Array | None:
-        """Return its axes (3, 3) in World, None for the MRF's."""
-        return None if self._frame is Frame.MRF else tree.pose(self._frame).R
-
     def carry_mrf(self, T_old_new: Pose, before: FrameTree) -> None:
         """Keep the same load when the MRF is redefined; `before` has the frames of before."""
         axes = None
-        if self._frame is not Frame.MRF:
-            axes = before.pose(self._frame, Frame.MRF).R
+        if self.frame is not Frame.MRF:
+            axes = before.pose(self.frame, Frame.MRF).R
         self.value = wrench_kept(self.value, T_old_new, axes)
 
     def carry_crf(self, R_world_crf: Array, before: FrameTree) -> None:
         """Keep the same load when the CRF is redefined; `before` has the frames of before."""
-        if self._frame is Frame.CRF:
+        if self.frame is Frame.CRF:
             turn = R_world_crf.T @ before.pose("crf").R
             self.value = rotate_twist(turn, self.value)
 
@@ -514,12 +489,14 @@ class Commands:
         self.goals = Goals(frames.T_wrist_mrf)
         self.wrench = WrenchGoal()
         self.master = Master()
-        self.handle = HapticHandle(reflector)
+        self.reflector = reflector
+        """Reflects forces to the handle of the lease's holder; None in a cell that reflects none.
+        """
         self.dropped: list[tuple[str, str]] = []
         """Goals that another command ended under way, "posture" or "goal", and by which topic."""
         self._stream_timeout_s = stream_timeout_s
-        self._stick = Stream[m.JoystickTwist](stream_timeout_s)
-        self._jog = Stream[m.JointJog](stream_timeout_s)
+        self._stick = Stream[m.JoystickTwist](stream_timeout_s, lambda message: any(message.twist))
+        self._jog = Stream[m.JointJog](stream_timeout_s, _drives)
         self.self_motion = SelfMotionCommands(stream_timeout_s)
         """Of an arm without a spare joint, unless its unit knows better."""
         self._take: dict[type[m.Message], Callable[..., None]] = {
@@ -589,10 +566,11 @@ class Commands:
                 return not isinstance(message, m.CancelGoals)
 
     def _take_stick(self, message: m.JoystickTwist, now_s: float, T_world_mrf: Pose) -> None:
-        tree = self.frames.tree(T_world_mrf)
-        tree.pose(message.expressed_in)  # raises before it is in force
+        # Raises before it is in force.
+        axes = self.frames.tree(T_world_mrf).pose(message.expressed_in).R
         self._stick.take(message, now_s)
-        self.handle.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
+        if self.reflector is not None:
+            self.reflector.hear(message.handle, now_s, axes)
         if any(message.twist):
             # Whoever moves the stick wants to steer, not to watch a posture being taken.
             self.goals.leave_posture()
@@ -643,8 +621,9 @@ class Commands:
         if not goals.pursuing:
             ground = self.frames.ground(self.frames.crf.on)
         axes, T = tree.pose(message.expressed_in, ground).R, tree.pose(m.Frame.MRF, ground)
-        self.handle.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
-        if not self.master.take(message, now_s, axes, T, self.handle.reflector):
+        if self.reflector is not None:
+            self.reflector.hear(message.handle, now_s, tree.pose(message.expressed_in).R)
+        if not self.master.take(message, now_s, axes, T, self.reflector):
             return
         if not goals.pursuing:
             pursuit = Pursuit(self.master.target, goals.next_serial())
@@ -701,6 +680,12 @@ class Commands:
         self.master.set(request)
         self.goals.pursue(self.master.target)
 
+    def protect_handle(self, protected: bool) -> None:
+        """Protect the reflected force against delay, or not. Raises `Refused` if there is none."""
+        if self.reflector is None:
+            raise Refused(Why.NOT_NOW, "the cell reflects no forces")
+        self.reflector.protected = protected
+
     def clear(self) -> None:
         """Drop every stream and goal: what was commanded before is dead.
 
@@ -712,55 +697,59 @@ class Commands:
         self._insertion.clear()
         self.self_motion.clear()
         self.settings.settle_vision()
-        self.handle.protect()
+        if self.reflector is not None:
+            self.reflector.protected = True
         self._drop_goals()
         self.goals.idle = True
         self.wrench.set(np.zeros(6), m.Frame.MRF)
 
     def expired(self, now_s: float) -> list[str]:
         """Return the streams that fell silent while they asked for motion, and forget them."""
-        stick, jog = self._stick.expire(now_s), self._jog.expire(now_s)
-        silent = {
-            "joystick": stick is not None and any(stick.twist),
-            "jog": jog is not None and any(jog.rates),
-            "drive": self._insertion.expired(now_s),
-            "self_motion": self.self_motion.expired(now_s),
+        streams: dict[str, Stream[Any]] = {
+            "joystick": self._stick,
+            "jog": self._jog,
+            "drive": self._insertion.stream,
+            "self_motion": self.self_motion.stream,
         }
-        names = [name for name, moved in silent.items() if moved]
-        if self.master.expired(now_s, self._stream_timeout_s):
+        names = []
+        for name, stream in streams.items():
+            if stream.message is not None and stream.fell_silent(now_s):
+                names.append(name)
+        if self.master.target is not None and self.master.expired(now_s, self._stream_timeout_s):
             names.append("master_pose")
             self.goals.pursue(self.master.target)
         return names
 
-    def reflect(self, output: Output) -> None:
-        """Let the operator's handle feel what a tick has measured."""
-        self.handle.reflect(output, self.master.translation, self.goals.pursuing)
-
     # --- what is in force now ------------------------------------------------------------------
 
-    def in_force(self, now_s: float, T_world_mrf: Pose) -> Inputs:
-        """Return a tick's inputs as far as operators decide them, with the MRF at a pose in World.
+    def in_force(self, now_s: float, T_world_mrf: Callable[[], Pose]) -> Inputs:
+        """Return a tick's inputs as far as operators decide them.
 
-        What is measured is still to come.
+        `T_world_mrf` tells where the command has the MRF, in World: it is asked only where
+        something is given in the axes of a frame. What is measured is still to come.
         """
-        goals, tree = self.goals, self.frames.tree(T_world_mrf)
-        stick, jog = self._stick.newest(now_s), self._jog.newest(now_s)
-        twist = None if stick is None else self.master.scaled(np.array(stick.twist))
+        goals, wrench, command = self.goals, self.wrench, None
+        stick, jog, axes = self._stick.newest(now_s), self._jog.newest(now_s), None
+        if stick is not None or wrench.frame is not Frame.MRF:
+            tree = self.frames.tree(T_world_mrf())
+            if wrench.frame is not Frame.MRF:
+                axes = tree.pose(wrench.frame).R
+            twist = None if stick is None else self.master.scaled(np.array(stick.twist))
+            if stick is not None and twist is not None:
+                command = StickCommand(twist, tree.pose(stick.expressed_in).R)
         return Inputs(
             now_s,
             Intent.MOVE,
             NOT_MEASURED,
-            self.control_settings(),
-            stick=None
-            if stick is None or twist is None
-            else StickCommand(twist, tree.pose(stick.expressed_in).R),
+            self.settings.for_control(),
+            stick=command,
             jog=None if jog is None else np.array(jog.rates),
             goal=goals.goal,
             paused=goals.paused,
             posture=goals.posture,
             at_posture=goals.at_rest,
-            wrench_desired=self.wrench.value,
-            R_world_wrench=self.wrench.axes(tree),
+            wrench_desired=wrench.value,
+            R_world_wrench=axes,
             ground=self.ground(now_s),
             T_wrist_goal=goals.T_wrist_goal,
             drive=self._insertion.newest(now_s),
@@ -771,12 +760,10 @@ class Commands:
         """Return whether joints are commanded themselves: jogged, or led to a posture."""
         return self.goals.posture is not None or self._jog.newest(now_s) is not None
 
-    def control_settings(self) -> Settings:
-        """Return the settings that a tick uses."""
-        return self.settings.for_control()
-
     def ground(self, now_s: float) -> str:
         """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""
+        if not self.frames.movable:
+            return "world"
         if self.goals.goal is not None:
             return self.goals.ground
         stick = self._stick.newest(now_s)
@@ -787,10 +774,10 @@ class Commands:
     @property
     def target(self) -> Pose | None:
         """Pose in World that the position source is to bring the MRF to, if there is any."""
-        placed_target = self.placed_target
-        return None if placed_target is None else self.frames.in_world(*placed_target)
-
-    @property
-    def placed_target(self) -> tuple[str, Pose] | None:
-        """The target on its ground: the ground's name, and the MRF's pose there."""
-        return self.goals.placed_target(self.frames.T_wrist_mrf)
+        goals, frames = self.goals, self.frames
+        T = None if goals.goal is None else goals.goal.T_world_target
+        if T is None:
+            return None
+        if frames.T_wrist_mrf is not goals.T_wrist_goal:
+            T = T @ (goals.T_wrist_goal.inverse() @ frames.T_wrist_mrf)
+        return frames.in_world(goals.ground, T)

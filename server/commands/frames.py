@@ -104,30 +104,27 @@ class FrameSet:
         self.lens: Callable[[], Mount | None] = lambda: None
         """Returns the mount of the Lens whose view is kept."""
         rolls = ("base",) if mechanism.base is not None else ()
-        self._movable = frozenset((*rolls, *frames.moving))
+        self.movable = frozenset((*rolls, *frames.moving))
+        """The frames that may move; none in a cell where all stand."""
         self._T_wrist_sensor = None
         if sensor is not None:
             place = sensor.T_wrist_sensor
             self._T_wrist_sensor = Pose.from_xyz_rpy(place.xyz, place.rpy)
 
     @property
-    def may_move(self) -> bool:
-        """True in a cell with frames that may move."""
-        return bool(self._movable)
-
-    @property
     def T_world_crf(self) -> Pose:
         """Where the CRF is now."""
-        return self.in_world(self.crf.on, self.crf.T)
+        on, T = self.crf
+        return T if on == "world" else self.in_world(on, T)
 
     def in_world(self, ground: str, T: Pose) -> Pose:
         """Return where a pose on a ground is in World now."""
-        body = self.moved.body(ground)
+        body = None if ground == "world" else self.moved.body(ground)
         return T if body is None else body.T @ T
 
     def ground(self, name: str) -> str:
         """Return the ground by that name; World for one that stands."""
-        return name if name in self._movable else "world"
+        return name if name in self.movable else "world"
 
     def tree(self, T_world_mrf: Pose) -> FrameTree:
         """Return the tree of all frames, with the MRF at a pose in World."""
@@ -146,7 +143,7 @@ class FrameSet:
         T_old_new = None
         if request.frame == "crf":
             on = request.moves_with or self.crf.on
-            if on == "carrier" and on not in self._movable:
+            if on == "carrier" and on not in self.movable:
                 raise UnknownFrame("'carrier': there is no [frames.carrier] in this cell")
             self.crf = Mount(on, placed_frame(request, tree, on))
         else:

@@ -1,4 +1,4 @@
-"""The operator's master: clutch and scale of its motion, and the force that its handle is told."""
+"""The operator's master: clutch and scale of its motion."""
 
 import math
 from dataclasses import dataclass
@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...config.schema.cell import CellConfig
-from ...protocols.messages.messages import ClutchRequest, MasterPose, Reflection, ReflectionRequest
+from ...protocols.messages.messages import ClutchRequest, MasterPose
 from ..control.spatial import Array, Pose, pose_error, rotation_exp, rotation_log, rotation_rpy
-from ..control.state import Output
-from ..reflection import HandleEnergies, Reflector
+from ..reflection import Reflector
 from ..refusals import Refused, Why
 
 # --- The operator's master: clutch and scale, for its stick (rates) and for its pose --------------
@@ -131,50 +130,6 @@ def _within(target: Pose, T: Pose) -> Pose:
 
 def _size(vector: Array) -> float:
     return math.sqrt(float(vector @ vector))
-
-
-# --- The operator's handle in a cell that reflects forces: its news, and the force that it is told
-
-
-class HapticHandle:
-    """The handle of the lease's holder; without a reflector it feels nothing."""
-
-    def __init__(self, reflector: Reflector | None) -> None:
-        self.reflector = reflector
-
-    def hear(self, energies: HandleEnergies | None, now_s: float, R_world_handle: Array) -> None:
-        """Take in the energies that came with a command, and the axes (3, 3) of its frame."""
-        if self.reflector is not None:
-            self.reflector.hear(energies, now_s, R_world_handle)
-
-    def protect(self) -> None:
-        """Protect the reflected force against delay, as at start."""
-        if self.reflector is not None:
-            self.reflector.protected = True
-
-    def set_protection(self, request: ReflectionRequest) -> None:
-        """Protect the reflected force against delay, or not. Raises `Refused` if there is none."""
-        if self.reflector is None:
-            raise Refused(Why.NOT_NOW, "the cell reflects no forces")
-        self.reflector.protected = request.protected
-
-    def reflect(self, output: Output, scale: float, pursuing: bool) -> None:
-        """Take in the wrench of a tick; `scale` is the clutch's, `pursuing`: a master's pose leads.
-
-        Idle in a cell that reflects no forces.
-        """
-        if self.reflector is not None:
-            self.reflector.reflect(
-                output.seen.wrench,
-                output.task.gains,
-                output.T_world_mrf_measured.R,
-                scale,
-                pursuing,
-            )
-
-    def message(self, tick: int) -> Reflection | None:
-        """Return what the handle is told, None in a cell that reflects no forces."""
-        return None if self.reflector is None else self.reflector.message(tick)
 
 
 def reflector_of(config: CellConfig) -> Reflector | None:

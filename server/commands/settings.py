@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from operator import is_
+from typing import Any, Self
 
 import numpy as np
 from pydantic import ValidationError
@@ -94,41 +95,46 @@ class OperatorSettings:
         self._gripper = config.mechanism.gripper
         self.gripper_closed: bool | None = None
         """None until an operator has said so: what it held at start stays held."""
+        self._made_of: tuple[object, ...] = (None,)
+        self._made: Settings
+        """What a tick used last, and what that was made of."""
         self._forced: set[str] = set()
         """Sources whose gains were forced: an operator answers for them."""
 
     def for_control(self) -> Settings:
-        """Return the settings that a tick uses, with the frames in force."""
-        frames = self._frames
-        return Settings(
-            gains=self.gains_in_force,
-            T_wrist_mrf=frames.T_wrist_mrf,
-            T_world_crf=frames.T_world_crf,
-            redefined=frames.redefined,
-            wrench_bias=self.wrench_bias,
-            speed_factor=self._shared.speed_factor,
-            payload=self.payload,
-            objectives=self.objectives,
-            avoid=self._shared.avoid,
-            at_once=WRENCH_SOURCES if self.load_settles else (),
-            contact_share=self.contact_share,
-            untold=self.untold,
-            held=self.held,
-            tunnel=self.tunnel,
-            shares=self.shares,
-        )
+        """Return the settings that a tick uses, with the frames in force.
 
-    @property
-    def gains_in_force(self) -> dict[str, Array]:
-        """The sources' gains (6,): zero for one that is off, or that a load makes wait."""
-        found = self._gains_on
-        if self.sensor_share < 1.0:
-            found.update({name: self.sensor_share * found[name] for name in WRENCH_SOURCES})
-        return found
+        They are the same object until something that they are made of is another one.
+        """
+        frames, shared = self._frames, self._shared
+        at_once = WRENCH_SOURCES if self.load_settles else ()
+        made_of: dict[str, Any] = {
+            "T_wrist_mrf": frames.T_wrist_mrf,
+            "T_world_crf": frames.T_world_crf,
+            "redefined": frames.redefined,
+            "wrench_bias": self.wrench_bias,
+            "speed_factor": shared.speed_factor,
+            "payload": self.payload,
+            "objectives": self.objectives,
+            "avoid": shared.avoid,
+            "at_once": at_once,
+            "contact_share": self.contact_share,
+            "untold": self.untold,
+            "held": self.held,
+            "tunnel": self.tunnel,
+            "shares": self.shares,
+        }
+        now = (*made_of.values(), *self.gains.values(), *self.on.values(), self.sensor_share)
+        if not all(map(is_, now, self._made_of)):
+            gains = self._gains_on
+            if self.sensor_share < 1.0:
+                gains.update({name: self.sensor_share * gains[name] for name in WRENCH_SOURCES})
+            self._made_of, self._made = now, Settings(gains=gains, **made_of)
+        return self._made
 
     @property
     def _gains_on(self) -> dict[str, Array]:
-        """Those of the sources that are switched on, whether they wait for a load or not."""
+        """The sources' gains (6,), waiting for a load or not: zero for one that is off."""
         return {name: gain if self.on[name] else OFF for name, gain in self.gains.items()}
 
     def hear_of_load(self, what: str) -> None:

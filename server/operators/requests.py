@@ -411,7 +411,7 @@ def _tell_dropped(unit: Unit | JointUnit) -> None:
 
 
 def _look_at_energy(unit: Unit | JointUnit) -> None:
-    reflector = unit.commands.handle.reflector
+    reflector = unit.commands.reflector
     if reflector is not None and reflector.take_trip():
         held = ": the force is held back" if reflector.protected else ""
         unit.events.warning(

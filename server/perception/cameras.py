@@ -91,6 +91,8 @@ class VisionTracker:
             vision.smoothing_s,
         )
         self._tracks = {c.name: _Track(c, _place(c)) for c in cameras}
+        self.watching = bool(cameras)
+        """The cell has cameras."""
         self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
         self._camera = vision.camera or next(iter(self._tracks), "")
         """Whose view is kept."""
@@ -103,11 +105,6 @@ class VisionTracker:
         """Return the tracker of a loaded cell."""
         c = cell.config
         return cls(c.sources.vision, c.cameras, c.timing.period_s, events)
-
-    @property
-    def watching(self) -> bool:
-        """True in a cell with cameras."""
-        return bool(self._tracks)
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -139,9 +136,8 @@ class VisionTracker:
             view, stored = view.inverse(), stored.inverse()
         return sizes(pose_error(view, stored))
 
-    @property
     def lens(self) -> Mount | None:
-        """Where the Lens is of the camera whose view is kept."""
+        """Return where the Lens is of the camera whose view is kept."""
         track = self._tracks.get(self._camera)
         return None if track is None else Mount(track.camera.on, track.T_lens)
 

@@ -92,6 +92,11 @@ class FrameTracker:
             name: self._track_of(config, self._standing[name], limits, period)
             for name, config in frames.moving.items()
         }
+        rolls = base is not None and "base" not in self._tracked
+        self.names = (*(("base",) if rolls else ()), *self._tracked)
+        """The frames that may move."""
+        self.watching = bool(self._tracked) or base is not None
+        """There are any."""
         self.moved = self._moved()
         """Where Base and Carrier are, for this tick's command."""
 
@@ -105,20 +110,12 @@ class FrameTracker:
         )  # fmt: skip
 
     @property
-    def watching(self) -> bool:
-        """True in a cell with frames that may move."""
-        return bool(self._tracked) or self.base is not None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The frames that may move."""
-        rolls = self.base is not None and "base" not in self._tracked
-        return (*(("base",) if rolls else ()), *self._tracked)
-
-    @property
     def disputed(self) -> str | None:
         """The frame of which two senders tell different things, None without one."""
-        return next((name for name, w in self._tracked.items() if w.disputed), None)
+        for name, tracked in self._tracked.items():
+            if tracked.disputed:
+                return name
+        return None
 
     def age(self, name: str, tick: int) -> int | None:
         """Return how many ticks old the newest news of a frame is, None when stale."""

@@ -51,7 +51,8 @@ class Perception:
             events,
         )
         self.hand = UnchangingForce(config.sources.following, commands.settings, period_s, events)
-        commands.frames.lens = lambda: self.vision.lens
+        commands.frames.lens = self.vision.lens
+        commands.frames.moved = self.moving_frames.moved
 
     def update(
         self,
@@ -104,16 +105,15 @@ class Perception:
         unloaded, at = self.sensor.unloaded, self._T_world_mrf
         if unloaded is None or at is None:
             return False
-        told = self._commands.control_settings()
+        told = self._commands.settings.for_control()
         changed = self._arm.weight(at, told) - self._arm.weight(at, replace(told, payload=payload))
         return reads_weight(unloaded + changed - told.wrench_bias, payload)
 
     def remember(self, tick: int, output: Output) -> None:
         """Store the pose of the arm in a tick, for pictures that were exposed in it."""
-        if self.vision.watching:
-            frames = self._commands.frames
-            T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()
-            self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
+        frames = self._commands.frames
+        T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()
+        self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
 
     @property
     def slipping(self) -> bool:

@@ -1,6 +1,7 @@
 """One arm of the cell and its task: what is commanded, perceived and computed for it."""
 
 import math
+from functools import partial
 from typing import Final, Self
 
 import numpy as np
@@ -13,7 +14,16 @@ from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
 from ..control.grasps.held import GraspStatus
-from ..control.inputs import NOTHING, STILL, UNASKED, Fold, Inputs, Intent, JointFeedforward
+from ..control.inputs import (
+    NOTHING,
+    STILL,
+    UNASKED,
+    Fold,
+    Inputs,
+    Intent,
+    JointFeedforward,
+    SelfMotionRequest,
+)
 from ..control.mechanism.model import Mechanism
 from ..control.scene import Moved
 from ..control.spatial import Array, Motion, Pose
@@ -21,7 +31,7 @@ from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage
-from ..perception.cameras import EVERY, VisionTracker
+from ..perception.cameras import EVERY
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
@@ -236,6 +246,8 @@ class Unit:
         self.ahead = LookingAhead.from_cell(cell)
         """The reflex to what is ahead, and the scanner's axis; None without either."""
         self.perception = Perception(cell, arm, self.commands, self.events)
+        self.vision = self.perception.vision
+        """The views of its cameras, as far as known."""
         self.jam = JamMonitor(cell.config.timing.period_s, self.events)
         """Whether contact holds up what is asked of the tool."""
         self.memory: ArmMemory | None = None
@@ -254,11 +266,6 @@ class Unit:
     def grasps(self) -> dict[str, GraspStatus]:
         """Grasps of one payload: a joint task's alone."""
         return {}
-
-    @property
-    def vision(self) -> VisionTracker:
-        """The views of its cameras, as far as known."""
-        return self.perception.vision
 
     def keep_view(self, camera: str | None, *, again: bool) -> dict[str, float]:
         """Keep a camera's view of now, or its stored one; return it. Raises `Refused`."""
@@ -316,10 +323,7 @@ class Unit:
         """Return what this tick may look at; joints (n,) as commanded and as measured [rad]."""
         commands, perception = self.commands, self.perception
         moved = commands.frames.moved
-        base = moved.base.T if perception.moving_frames.watching else None
-        T_world_wrist = self.arm.mechanism.pose_wrist(q_command, base)
-        T_world_mrf = T_world_wrist @ commands.frames.T_wrist_mrf
-        asked = commands.in_force(now_s, T_world_mrf)
+        asked = commands.in_force(now_s, partial(self._place_mrf, q_command))
         if asked.posture is not None:
             posture = self.arm.body.posture(asked.posture, q_command)
             asked = evolve(asked, posture=posture)
@@ -335,6 +339,12 @@ class Unit:
             )
         return tick_inputs(asked, mode, tick, reading, q, perception, obstacles, moved)
 
+    def _place_mrf(self, q_command: Array) -> Pose:
+        """Return where joints that are commanded to be at q (n,) [rad] have the MRF in force."""
+        frames = self.commands.frames
+        base = frames.moved.base.T if self.perception.moving_frames.watching else None
+        return self.arm.mechanism.pose_wrist(q_command, base) @ frames.T_wrist_mrf
+
     @property
     def blind(self) -> bool:
         """True while the base goes ahead, and nobody looks there."""
@@ -345,7 +355,7 @@ class Unit:
 
     def _spare(self) -> int:
         """Return how many freedoms the task of now leaves to an operator."""
-        settings, insertion = self.commands.control_settings(), None
+        settings, insertion = self.commands.settings.for_control(), None
         if self.memory is not None:
             insertion = self.memory.insertion
         held, ranks = settings.held, None
@@ -355,12 +365,21 @@ class Unit:
 
     def keep(self, tick: int, memory: ArmMemory, output: Output) -> None:
         """Take in what a tick decided."""
+        commands, goals = self.commands, self.commands.goals
         self._tell_station(memory, output)
-        self._tell_arm_angle(tick, output)
+        if commands.self_motion.goal is not None:
+            self._tell_arm_angle(commands.self_motion.goal, tick, output)
         self.memory, self.output = memory, output
-        goals = self.commands.goals
-        self.commands.reflect(output)
-        self.perception.remember(tick, output)
+        if commands.reflector is not None:
+            commands.reflector.reflect(
+                output.seen.wrench,
+                output.task.gains,
+                output.T_world_mrf_measured.R,
+                commands.master.translation,
+                goals.pursuing,
+            )
+        if self.vision.watching:
+            self.perception.remember(tick, output)
         # A payload's jam is told by its own task.
         self.jam.update(output if output.held is None else None)
         if output.at_goal and goals.posture is not None:
@@ -379,11 +398,10 @@ class Unit:
         elif before is not None and memory.station is None and output.at_rest:
             self.events.info("came_back")
 
-    def _tell_arm_angle(self, tick: int, output: Output) -> None:
+    def _tell_arm_angle(self, goal: SelfMotionRequest, tick: int, output: Output) -> None:
         """Tell when the elbow is where it was to go, and when it gets no nearer."""
-        commands, now_s = self.commands.self_motion, tick * self.cell.config.timing.period_s
-        target = commands.target
-        found = commands.look(output.desired.found.by_hand, now_s)
+        now_s, target = tick * self.cell.config.timing.period_s, goal.angle
+        found = self.commands.self_motion.look(output.desired.found.by_hand, now_s)
         if found is None or target is None:
             return
         if found:

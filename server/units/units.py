@@ -211,7 +211,7 @@ class JointUnit:
         return self._T_wrist_payload @ memory.held.T_wrist_payload.inverse()
 
     def _lens(self) -> Mount | None:
-        lens = self.vision.lens
+        lens = self.vision.lens()
         if lens is None or lens.on != "wrist":
             return lens
         return lens._replace(T=self._T_first_wrist() @ lens.T)
@@ -270,8 +270,8 @@ class JointUnit:
         """Return the inputs of the first arm, which are the task's, too."""
         first = self.units[0]
         T_world_mrf = self.T_world_mrf or first.T_world_mrf or Pose.identity()
-        asked = self.commands.in_force(now_s, T_world_mrf)
-        own = first.commands.control_settings()
+        asked = self.commands.in_force(now_s, lambda: T_world_mrf)
+        own = first.commands.settings.for_control()
         settings = evolve(
             asked.settings,
             wrench_bias=own.wrench_bias,
@@ -632,7 +632,7 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
                 rotation=master.rotation,
             )
         case ReflectionRequest():
-            commands.handle.set_protection(message)
+            commands.protect_handle(message.protected)
             tell = events.info if message.protected else events.warning
             tell("reflection_protected" if message.protected else "reflection_unprotected")
         case motion.PathRequest():
@@ -689,7 +689,7 @@ def _tell_tunnel(message: motion.TunnelRequest, unit: Unit | JointUnit) -> None:
 
 def _know_ranks(unit: Unit | JointUnit) -> None:
     """Find the ranks of the task's rows before a tick asks for them."""
-    settings = unit.commands.control_settings()
+    settings = unit.commands.settings.for_control()
     if settings.held is None:
         return
     now = None if unit.output is None else unit.output.task.held

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.protocols.messages.messages import ClutchRequest, MasterPose, ReflectionRequest
+from telerobot.protocols.messages.messages import ClutchRequest, MasterPose
 from telerobot.server.commands.commands import Commands
 from telerobot.server.commands.haptics import Master
 from telerobot.server.control.spatial import Pose, rotation_rpy
@@ -165,14 +165,14 @@ def test_unprotected_a_master_leads_all_the_way(reflector, cell):
 
 def test_enabling_anew_protects_again(cell):
     commands = Commands.from_cell(cell)
-    commands.handle.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert not commands.handle.reflector.protected
+    commands.protect_handle(False)
+    assert not commands.reflector.protected
     commands.clear()
-    assert commands.handle.reflector.protected
+    assert commands.reflector.protected
 
 
 def test_a_cell_without_reflection_refuses_the_switch_and_tells_nothing(cell):
     commands = Commands.from_cell(altered(cell, {"reflection": None}))
     with pytest.raises(Refused, match="reflects no forces"):
-        commands.handle.set_protection(ReflectionRequest(**ENVELOPE, protected=False))
-    assert commands.handle.message(1) is None
+        commands.protect_handle(False)
+    assert commands.reflector is None

@@ -113,7 +113,7 @@ def test_a_target_is_relative_to_the_crf_when_nothing_else_is_said(commands):
 def test_the_sticks_axes_are_those_of_the_frame_it_names(commands, frame):
     twist = (0.1, 0, 0, 0, 0, 0.2)
     take(commands, m.JoystickTwist, twist=twist, expressed_in=frame)
-    command = commands.in_force(0.0, MRF).stick
+    command = commands.in_force(0.0, lambda: MRF).stick
     np.testing.assert_array_equal(command.twist, twist)
     np.testing.assert_allclose(command.R_world_axes, ORIGINS[frame].R, atol=1e-12)
 
@@ -121,7 +121,9 @@ def test_the_sticks_axes_are_those_of_the_frame_it_names(commands, frame):
 def test_a_stick_in_mrf_axes_turns_with_the_tool(commands):
     take(commands, m.JoystickTwist, twist=(0.1, 0, 0, 0, 0, 0), expressed_in="mrf")
     turned = Pose(rotation_rpy(1.0, 0.0, 0.0), MRF.p)
-    np.testing.assert_array_equal(commands.in_force(0.0, turned).stick.R_world_axes, turned.R)
+    np.testing.assert_array_equal(
+        commands.in_force(0.0, lambda: turned).stick.R_world_axes, turned.R
+    )
 
 
 def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(commands):
@@ -129,11 +131,11 @@ def test_a_target_stays_where_it_is_for_the_wrist_whatever_frame_is_redefined(co
     take(commands, m.PositionTarget, xyz=(0, 0, 0), rpy=(0, 0, 0))
     wrist = commands.target @ commands.frames.T_wrist_mrf.inverse()
     commands.set_frame(FrameRequest(**ENVELOPE, frame="crf", **pose), MRF)
-    np.testing.assert_allclose(commands.control_settings().T_world_crf.p, pose["xyz"])
+    np.testing.assert_allclose(commands.settings.for_control().T_world_crf.p, pose["xyz"])
     goal = commands.goals.goal
     commands.set_frame(FrameRequest(**ENVELOPE, frame="mrf", **pose), MRF)
     expected = Pose.from_xyz_rpy(pose["xyz"], pose["rpy"])
-    np.testing.assert_array_equal(commands.control_settings().T_wrist_mrf.R, expected.R)
+    np.testing.assert_array_equal(commands.settings.for_control().T_wrist_mrf.R, expected.R)
     kept = commands.target @ commands.frames.T_wrist_mrf.inverse()
     np.testing.assert_allclose(kept.p, wrist.p, atol=1e-12)
     np.testing.assert_allclose(kept.R, wrist.R, atol=1e-12)
@@ -160,7 +162,7 @@ def test_a_desired_wrench_stays_the_same_load_whatever_frame_is_redefined(comman
 
     def load(T_world_mrf):
         """Return the desired force and its moment about World's origin, in World axes."""
-        R = commands.in_force(0.0, T_world_mrf).R_world_wrench
+        R = commands.in_force(0.0, lambda: T_world_mrf).R_world_wrench
         R = T_world_mrf.R if R is None else R
         f, moment = R @ commands.wrench.value[:3], R @ commands.wrench.value[3:]
         return np.concatenate([f, moment + np.cross(T_world_mrf.p, f)])
@@ -185,7 +187,7 @@ def test_a_frame_that_the_cell_lacks_is_refused_with_those_that_it_has(commands,
     assert refused.reason == Why.UNKNOWN_FRAME
     assert "world, base, carrier, crf, wrist, mrf, sensor" in refused.detail
     assert commands.goals.goal is None
-    assert commands.in_force(0.0, MRF).stick is None
+    assert commands.in_force(0.0, lambda: MRF).stick is None
 
 
 # --- streams --------------------------------------------------------------------------------------
@@ -197,9 +199,9 @@ def test_a_stream_is_true_until_its_news_is_too_old(commands, name, pa10):
         "joystick": (
             m.JoystickTwist,
             {"twist": (0.1,) * 6},
-            lambda t: commands.in_force(t, MRF).stick,
+            lambda t: commands.in_force(t, lambda: MRF).stick,
         ),
-        "jog": (m.JointJog, {"rates": (0.1,) * 7}, lambda t: commands.in_force(t, MRF).jog),
+        "jog": (m.JointJog, {"rates": (0.1,) * 7}, lambda t: commands.in_force(t, lambda: MRF).jog),
     }[name]
     timeout = pa10.cell.config.timing.stream_timeout_s
     take(commands, kind, now_s=10.0, **fields)
@@ -215,7 +217,7 @@ def test_a_stream_is_true_until_its_news_is_too_old(commands, name, pa10):
 def test_a_stick_at_rest_falls_silent_without_a_word(commands):
     take(commands, m.JoystickTwist, twist=(0.0,) * 6)
     assert commands.expired(10.0) == []
-    assert commands.in_force(10.0, MRF).stick is None
+    assert commands.in_force(10.0, lambda: MRF).stick is None
 
 
 # --- goals ----------------------------------------------------------------------------------------
@@ -316,15 +318,15 @@ def test_cancel_drops_every_goal_and_clear_the_streams_as_well(commands):
     take(commands, m.CancelGoals)
     assert commands.goals.goal is None
     assert not commands.wrench.value.any()
-    assert commands.in_force(0.0, MRF).stick is not None
+    assert commands.in_force(0.0, lambda: MRF).stick is not None
     order_everything()
     take(commands, m.PostureMove, q=(0.1,) * 7)
     commands.clear()
     assert (
         commands.goals.goal
         is commands.goals.posture
-        is commands.in_force(0.0, MRF).stick
-        is commands.in_force(0.0, MRF).jog
+        is commands.in_force(0.0, lambda: MRF).stick
+        is commands.in_force(0.0, lambda: MRF).jog
         is None
     )
     assert not commands.wrench.value.any()
@@ -360,7 +362,7 @@ def test_a_jog_faster_than_a_joint_is_refused_with_joint_value_and_bound(command
     assert refused.reason == Why.OUT_OF_RANGE
     assert "e1" in refused.detail
     assert "1.8" in refused.detail
-    np.testing.assert_array_equal(commands.in_force(0.0, MRF).jog, rates)
+    np.testing.assert_array_equal(commands.in_force(0.0, lambda: MRF).jog, rates)
 
 
 @pytest.mark.parametrize("bound", ["lower", "upper"])
@@ -394,22 +396,22 @@ def test_every_posture_of_the_cell_can_be_ordered(arm):
 
 def test_a_source_that_is_off_has_no_gain_and_gets_back_its_own(commands):
     commands.settings.switch("force", True)
-    own = commands.control_settings().gains["force"]
+    own = commands.settings.for_control().gains["force"]
     assert own.all()
     commands.settings.on["force"] = False
-    assert not commands.control_settings().gains["force"].any()
+    assert not commands.settings.for_control().gains["force"].any()
     commands.settings.on["force"] = True
-    np.testing.assert_array_equal(commands.control_settings().gains["force"], own)
+    np.testing.assert_array_equal(commands.settings.for_control().gains["force"], own)
 
 
 def test_a_payload_is_switched_by_the_name_that_the_cell_gives_it(small):
     block = "\n[mechanism.payloads]\nempty = { mass = 0.4 }\n\n[mechanism.force_torque]"
     cell = load_cell(small.replace("\n[mechanism.force_torque]", block))
     commands = Commands.from_cell(cell)
-    assert commands.control_settings().payload.mass == 0.0
+    assert commands.settings.for_control().payload.mass == 0.0
     envelope = {"seen_tick": 0}
     commands.settings.set_payload(requests.PayloadRequest(**envelope, name="empty"))
-    assert commands.control_settings().payload.mass == 0.4
+    assert commands.settings.for_control().payload.mass == 0.4
 
 
 def test_a_cell_without_a_sensor_takes_no_payload(small):
@@ -423,4 +425,4 @@ def test_a_cell_without_a_sensor_takes_no_payload(small):
 
 def test_the_bias_of_the_cell_file_is_the_sensors_and_turned_to_what_the_arm_exerts(commands, pa10):
     bias = pa10.cell.config.mechanism.force_torque.bias
-    np.testing.assert_array_equal(commands.control_settings().wrench_bias, -np.array(bias))
+    np.testing.assert_array_equal(commands.settings.for_control().wrench_bias, -np.array(bias))

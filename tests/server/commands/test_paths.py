@@ -164,9 +164,11 @@ def test_a_master_leads_on_when_the_mrf_is_another_and_turns_the_tool_about_the_
 def test_a_stick_goes_through_the_clutch(commands):
     take(commands, m.JoystickTwist, twist=TWIST)
     clutch(commands, translation=0.5, rotation=2.0)
-    np.testing.assert_allclose(commands.in_force(0.0, MRF).stick.twist, [0.05, 0.1, 0, 0, 0, 0.6])
+    np.testing.assert_allclose(
+        commands.in_force(0.0, lambda: MRF).stick.twist, [0.05, 0.1, 0, 0, 0, 0.6]
+    )
     clutch(commands, engaged=False)
-    assert commands.in_force(0.0, MRF).stick is None
+    assert commands.in_force(0.0, lambda: MRF).stick is None
 
 
 def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(commands, pa10):
@@ -175,11 +177,11 @@ def test_objectives_are_set_one_by_one_and_an_unknown_posture_is_refused(command
 
     ask(objective="posture", gain=2.0, posture="park")
     ask(objective="mid_range", gain=0.0)
-    objectives = commands.control_settings().objectives
+    objectives = commands.settings.for_control().objectives
     assert objectives.gains["posture"] == 2.0
     assert objectives.gains["mid_range"] == 0.0
     np.testing.assert_array_equal(objectives.posture, pa10.posture("park"))
     with pytest.raises(Refused) as caught:
         ask(objective="posture", gain=1.0, posture="bed")
     assert caught.value.reason == Why.UNKNOWN_POSTURE
-    assert commands.control_settings().objectives is objectives
+    assert commands.settings.for_control().objectives is objectives

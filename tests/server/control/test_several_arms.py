@@ -32,7 +32,7 @@ class Run:
 
     def __init__(self, cell):
         self.cell, self.control = cell, Control.of(cell)
-        self.settings = [Commands.from_cell(part).control_settings() for part in cell.parts]
+        self.settings = [Commands.from_cell(part).settings.for_control() for part in cell.parts]
         ready = [part.config.mechanism.postures["ready"] for part in cell.parts]
         self.memory = self.control.seed(np.concatenate(ready))
         self.sent = [np.concatenate(ready)] * 3

@@ -170,11 +170,11 @@ def test_without_the_lease_nothing_is_changed(counter, topic):
         t.FRAME: {"frame": "mrf", "xyz": (0, 0, 0.1), "rpy": (0, 0, 0)},
         t.SPEED: {"factor": 0.5},
     }.get(topic, {})
-    before = counter.commands.control_settings()
+    before = counter.commands.settings.for_control()
     reply = counter.ask(topic, **fields)
     assert (reply.ok, reply.reason) == (False, Why.NO_LEASE)
     assert counter.services.modes.action is PendingAction.NONE
-    after = counter.commands.control_settings()
+    after = counter.commands.settings.for_control()
     assert after.speed_factor == before.speed_factor
     assert after.T_wrist_mrf is before.T_wrist_mrf
     np.testing.assert_array_equal(after.gains["joystick"], before.gains["joystick"])
@@ -438,14 +438,14 @@ def test_gains_are_set_unless_they_would_be_unstable(ann):
     assert reply.detail.startswith("gain[0] = 60: loop gain 0.6, stable below 0.445")
     assert ann.commands.settings.gains["position"] is before
     assert ann.ask(t.GAIN, source="position", gain=(3.0,) * 6).ok
-    np.testing.assert_array_equal(ann.commands.control_settings().gains["position"], [3.0] * 6)
+    np.testing.assert_array_equal(ann.commands.settings.for_control().gains["position"], [3.0] * 6)
 
 
 def test_a_source_is_switched_off_and_on(ann):
     assert ann.ask(t.SWITCH, source="joystick", on=False).ok
-    assert not ann.commands.control_settings().gains["joystick"].any()
+    assert not ann.commands.settings.for_control().gains["joystick"].any()
     assert ann.ask(t.SWITCH, source="joystick", on=True).ok
-    assert ann.commands.control_settings().gains["joystick"].all()
+    assert ann.commands.settings.for_control().gains["joystick"].all()
 
 
 @pytest.mark.parametrize(
@@ -455,7 +455,7 @@ def test_a_source_that_there_is_not_is_refused_with_those_that_there_are(ann, to
     reply = ann.ask(topic, source="gravity", **more)
     assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_SOURCE)
     assert "'gravity' is none of joystick, position" in reply.detail
-    assert "gravity" not in ann.commands.control_settings().gains
+    assert "gravity" not in ann.commands.settings.for_control().gains
 
 
 def test_an_objective_is_set_inside_the_bounds_that_the_cell_file_has(ann):
@@ -488,7 +488,7 @@ def test_position_switched_on_again_begins_its_path_from_where_the_arm_is(ann):
 def test_frame_and_speed_are_set(ann):
     assert ann.ask(t.FRAME, frame="mrf", xyz=(0.0, 0.0, 0.1), rpy=(0.0, 0.0, 0.0)).ok
     assert ann.ask(t.SPEED, factor=0.25).ok
-    settings = ann.commands.control_settings()
+    settings = ann.commands.settings.for_control()
     np.testing.assert_array_equal(settings.T_wrist_mrf.p, (0.0, 0.0, 0.1))
     assert settings.speed_factor == 0.25
 
@@ -507,13 +507,13 @@ def test_gains_that_would_be_unstable_can_be_forced_and_that_is_told(ann):
 def test_a_payload_is_switched_by_mass_and_centre(ann):
     bias = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
     assert ann.ask(t.PAYLOAD, mass=2.5, com=(0.0, 0.01, 0.1), bias=bias).ok
-    settings = ann.commands.control_settings()
+    settings = ann.commands.settings.for_control()
     assert settings.payload.mass == 2.5
     np.testing.assert_array_equal(settings.payload.com, (0.0, 0.01, 0.1))
     np.testing.assert_array_equal(settings.wrench_bias, -np.array(bias))
     assert names(ann)[-1] == "payload_set"
     assert ann.ask(t.PAYLOAD, mass=0.0).ok
-    np.testing.assert_array_equal(ann.commands.control_settings().wrench_bias, -np.array(bias))
+    np.testing.assert_array_equal(ann.commands.settings.for_control().wrench_bias, -np.array(bias))
 
 
 def test_a_payload_heavier_than_the_arm_is_rated_for_is_refused(ann):
@@ -534,15 +534,15 @@ def test_an_operator_says_that_a_load_is_unknown_and_that_one_may_act(ann):
 
 
 def test_a_payload_that_the_cell_does_not_name_is_refused(ann):
-    before = ann.commands.control_settings().payload
+    before = ann.commands.settings.for_control().payload
     reply = ann.ask(t.PAYLOAD, name="anvil")
     assert (reply.ok, reply.reason) == (False, Why.UNKNOWN_PAYLOAD)
-    assert ann.commands.control_settings().payload is before
+    assert ann.commands.settings.for_control().payload is before
 
 
 def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
     assert ann.ask(t.TARE).ok
-    np.testing.assert_array_equal(ann.commands.control_settings().wrench_bias, np.arange(6.0))
+    np.testing.assert_array_equal(ann.commands.settings.for_control().wrench_bias, np.arange(6.0))
 
 
 @pytest.mark.parametrize(
@@ -550,8 +550,8 @@ def test_a_tare_takes_the_unloaded_reading_for_no_contact(ann):
     [({"still": False}, Why.NOT_NOW), ({"unloaded": None}, Why.SENSOR_STALE)],
 )
 def test_a_tare_is_refused_while_the_arm_moves_or_the_sensor_is_silent(ann, changes, reason):
-    before = ann.commands.control_settings().wrench_bias
+    before = ann.commands.settings.for_control().wrench_bias
     ann.sense(**changes)
     reply = ann.ask(t.TARE)
     assert (reply.ok, reply.reason) == (False, reason)
-    assert ann.commands.control_settings().wrench_bias is before
+    assert ann.commands.settings.for_control().wrench_bias is before

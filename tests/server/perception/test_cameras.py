@@ -296,7 +296,7 @@ def test_a_camera_on_a_base_that_moves_places_what_it_sees_by_the_base_of_its_ti
     fields = {"poses": (seen.to_xyz_rpy(),), "errors_px": (0.1,), "quality": 0.9}
     watch.take(Sighting(camera=moved.name, tick=1000, **fields), 1001)
     watch.store(moved.name)
-    assert watch.lens.on == "base"
+    assert watch.lens().on == "base"
     goal = watch.goal(then)
     np.testing.assert_allclose(goal.T_wrist_point.p, T_wrist_target.p, atol=1e-9)
     # The view was stored with Base where it is now; with Base where it was, the goal goes along.

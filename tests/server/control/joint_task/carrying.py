@@ -37,7 +37,7 @@ def settings_of(cell):
     task = cell.joint_tasks[0]
     gains = {name: np.array(section.gain) for name, section in task.sources.each.items()}
     gains["following"] = np.zeros(6)
-    found = [Commands.from_cell(part).control_settings() for part in cell.parts]
+    found = [Commands.from_cell(part).settings.for_control() for part in cell.parts]
     found = [dataclasses.replace(s, gains=gains, wrench_bias=np.zeros(6)) for s in found]
     mrf = task.T_wrist_mrf[0]
     found[0] = dataclasses.replace(found[0], T_wrist_mrf=Pose.from_xyz_rpy(mrf.xyz, mrf.rpy))
