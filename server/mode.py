@@ -3,8 +3,8 @@
 BOOT → READY → ENABLED ⇄ (STOPPING →) HOLD → READY,   FAULT from anywhere, left by reset
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 
 class Mode(StrEnum):
@@ -23,10 +23,9 @@ class Mode(StrEnum):
     FAULT = "fault"
     """Drives were quick-stopped."""
 
-    @property
-    def energised(self) -> bool:
-        """True where drives are meant to be in Operation enabled."""
-        return self in (Mode.ENABLED, Mode.STOPPING, Mode.HOLD)
+    def __init__(self, name: str) -> None:
+        self.energised = name in ("enabled", "stopping", "hold")
+        """Drives are meant to be in Operation enabled."""
 
 
 class PendingAction(StrEnum):
@@ -38,8 +37,7 @@ class PendingAction(StrEnum):
     RESET = "reset"
 
 
-@dataclass(frozen=True)
-class ModeInputs:
+class ModeInputs(NamedTuple):
     """Inputs of a mode change, at one tick."""
 
     action: PendingAction

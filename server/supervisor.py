@@ -40,7 +40,7 @@ class FaultDetector:
 
     def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble | None:
         """Return which drive is not in Operation enabled, though the mode says that all are."""
-        if DriveState.OPERATION_ENABLED in reading.states and len(set(reading.states)) == 1:
+        if reading.states.count(DriveState.OPERATION_ENABLED) == len(reading.states):
             return None
         j = next(i for i, s in enumerate(reading.states) if s is not DriveState.OPERATION_ENABLED)
         state = reading.states[j]

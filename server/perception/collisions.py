@@ -162,6 +162,7 @@ class ContactRelease:
         found: JointContact | None,
         tool: ToolContact | None,
         pushed: Pushed | None,
+        wrench: Array | None,
         mode: Mode,
         memory: ArmMemory | None,
         output: Output | None,
@@ -169,18 +170,27 @@ class ContactRelease:
         """Take in whether contact was `found` in this tick, and the estimate behind it.
 
         `tool` is contact of the tool while its load is not explained. `memory` and `output` are the
-        tick's before.
+        tick's before, and so is the `wrench` (6,) that the tool was seen to exert, at the MRF in
+        World axes.
         """
         if not mode.energised or memory is None or output is None:
             self.reset()
             return
         self._rested_s = self._rested_s + self._T if output.motion.stands() else 0.0
         self._latch(found, tool, mode)
-        self._last(pushed, mode)
+        if self.touched or self.withdraws:
+            self._last(pushed, mode)
         if pushed is None:
             self.pushed = None
             return
-        self._keep(pushed, tool, output)
+        push = steady = None
+        if wrench is not None:
+            push = -wrench
+            self._seen.append(push)
+            if tool is not None or self._giving:
+                steady = np.mean(self._seen, axis=0)
+        # What is touched next is judged by what pushed before.
+        self._past.append(_Push(pushed.external, push, steady))
         self.pushed = self._given_way_to(pushed) if self._giving else pushed
         if self._giving and mode is Mode.HOLD:
             self._news.gives_way(self.pushed, memory, self._tool and not self.touched)
@@ -188,7 +198,7 @@ class ContactRelease:
     def _latch(self, found: JointContact | None, tool: ToolContact | None, mode: Mode) -> None:
         """Begin to give way to contact that is new; end where the arm may move again."""
         touched = self.touched or (tool is not None and tool.touched and self._tool)
-        if mode is Mode.ENABLED and not touched:
+        if self._giving and mode is Mode.ENABLED and not touched:
             self._giving = self._tool = self._tool_lasting = False
             self._news.reset()
         if found is not None and not self.touched:
@@ -210,15 +220,6 @@ class ContactRelease:
             self.touched = self._free_s <= OVER_S
         stood = mode is Mode.HOLD and self._in_tunnels
         self.withdraws = self.touched and (self.withdraws or stood)
-
-    def _keep(self, pushed: Pushed, tool: ToolContact | None, output: Output | None) -> None:
-        """Keep what pushes now: what is touched next is judged by what was before."""
-        wrench, steady = _seen(output), None
-        if wrench is not None:
-            self._seen.append(wrench)
-            if tool is not None or self._giving:
-                steady = np.mean(self._seen, axis=0)
-        self._past.append(_Push(pushed.external, wrench, steady))
 
     def _given_way_to(self, pushed: Pushed) -> Pushed:
         """Return the estimate with what the newest push is compared with."""
@@ -264,13 +265,6 @@ class ContactRelease:
             self.touched, self._free_s = True, 0.0
 
 
-def _seen(output: Output | None) -> Array | None:
-    """Return what pushes the tool (6,), at the MRF in World axes, as far as the sensor sees."""
-    if output is None or output.seen.wrench is None:
-        return None
-    return -(output.seen.wrench.reshape(2, 3) @ output.T_world_mrf_measured.R.T).ravel()
-
-
 # --- Collision monitor: contact that no sensor sees, and the joint that it pushes -----------------
 
 UNWATCHED = 1.0
@@ -295,9 +289,12 @@ class CollisionMonitor:
         self._calibration = None if p.T_wrist_sensor is None else p.wrench_calibration
         self._detector = _detector(section, p, mechanism)
         self._state = DetectorState()
+        self._moved: Moved | None = None
+        """The Base by which the detector knows how things fall."""
         self._lost_after = round(LOST_S / p.period_s)
         self._blind_ticks = 0
-        self._giving = ContactRelease(p, events, in_tunnels)
+        self.release = ContactRelease(p, events, in_tunnels)
+        """What contact means now, and whether the arm is to give way to it."""
         self._carried_within = p.friction + (0.0 if section is None else np.array(section.torque))
         self._unwatched = Pushed(np.zeros(p.n), np.zeros(p.n), p.friction + UNWATCHED)
 
@@ -307,31 +304,17 @@ class CollisionMonitor:
         return self._state.external
 
     @property
-    def stopping(self) -> bool:
-        """True while something pushes that the arm has stopped for."""
-        return self._giving.touched and not self._giving.withdraws
-
-    @property
-    def withdraws(self) -> bool:
-        """True while an arm in tunnels may move, but only back from what pushes it."""
-        return self._giving.withdraws
-
-    @property
     def carried(self) -> bool:
         """True while the drives carry what the sensor reads, but for friction: it is a weight."""
         external = self._state.external
         return external is not None and bool((np.abs(external) <= self._carried_within).all())
-
-    @property
-    def pushed(self) -> Pushed | None:
-        """External joint torques, and whether the arm is to give way; None where not known."""
-        return self._giving.pushed
 
     def update(
         self,
         reading: UnitReading,
         memory: ArmMemory | None,
         output: Output | None,
+        wrench: Array | None,
         moved: Moved,
         mode: Mode,
         doubt: LoadUncertainty | None = None,
@@ -339,27 +322,32 @@ class CollisionMonitor:
     ) -> None:
         """Take in a reading, and what the tick before made of the one before.
 
-        `doubt` is what the sensor's load may be off by, `tool` the tool's contact meanwhile. What
+        `wrench` (6,) is what that saw the tool exert, at the MRF in World axes, `doubt` what the
+        sensor's load may be off by, `tool` the tool's contact meanwhile. What
         pushes an arm that is long at rest in HOLD may stay until it is to move.
         """
         if self._detector is None:
-            self._giving.update(None, tool, self._unwatched, mode, memory, output)
+            self.release.update(None, tool, self._unwatched, wrench, mode, memory, output)
             return
         if reading.q is None or not reading.enabled or memory is None or memory.wrist.load is None:
             self._state, self._blind_ticks = DetectorState(), 0
-            self._giving.reset()
+            self.release.reset()
             return
         load = self._carried(reading, memory.wrist.load)
-        base = moved.T_world_base_measured
-        free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
-        self._detector.dynamics.fall(free_fall)
+        if moved is not self._moved:
+            self._moved, base = moved, moved.T_world_base_measured
+            free_fall = base.R.T @ (GRAVITY - moved.acceleration_at(base.p))
+            self._detector.dynamics.fall(free_fall)
         before = self._state.external
-        self._state = self._detector.measure(
+        self._state = state = self._detector.measure(
             self._state, reading.q, reading.tau, load, reading.sampled_s, doubt
         )
-        self._tell_blind(self._state.external is before)
-        found, pushed = self._detector.touched(self._state), self._detector.pushed(self._state)
-        self._giving.update(found, tool, pushed, mode, memory, output)
+        blind = state.external is before
+        if blind or self._blind_ticks:
+            self._tell_blind(blind)
+        found = self._detector.touched(state) if state.lasting_s > 0.0 else None
+        pushed = self._detector.pushed(state)
+        self.release.update(found, tool, pushed, wrench, mode, memory, output)
 
     def _carried(self, reading: UnitReading, load: Array) -> SensorLoad | None:
         """Return what the sensor reads; while it is stale, its payload is what the arm carries.

@@ -322,7 +322,8 @@ class ContactStability:
             self._places.append(output.T_world_mrf_measured.p)
             if self._swings_on(size):
                 self._judge(output)
-        self._acting = min(self._aim(output), self._acting + RISE)
+        aim = self.share if self.share == 1.0 else self._aim(output)
+        self._acting = min(aim, self._acting + RISE)
         return self._acting
 
     def _swings_on(self, size: float) -> bool:
@@ -398,7 +399,7 @@ class ContactStability:
 
         The normal is known as well as the touch was straight: what leads along leads nowhere away.
         """
-        if self.share == 1.0 or self._free_s < FREE_S:
+        if self._free_s < FREE_S:
             return self.share
         twists = output.desired.twists
         others = sum((t[:3] for name, t in twists.items() if name != "force"), np.zeros(3))

@@ -187,8 +187,9 @@ class CollisionDetector:
         else:
             carried, until, dying = self._nothing, 0.0, 0.0
         # From nothing at first: brakes that open leave the drives' torques upset.
-        earlier = (state.external, state.excused, state.chatter)
-        before = tuple([still if x is None else x for x in earlier])
+        before = still, still, still
+        if state.external is not None and state.excused is not None and state.chatter is not None:
+            before = state.external, state.excused, state.chatter
         external, excused, chatter = felt = np.empty((3, len(q)))
         beyond = _feel(
             (needed, resting, dq, tau, state.tau),

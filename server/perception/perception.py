@@ -30,7 +30,7 @@ class Perception:
         essential = sensor is not None and sensor.essential
         self._arm, self._commands = arm, commands
         self._T_world_mrf: Pose | None = None
-        self.sensor = ForceTorqueMonitor(events, essential, period_s)
+        self.sensor = ForceTorqueMonitor(events, essential, period_s, arm.wrist.weight)
         self.load = LoadMonitor(sensor, self.sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
@@ -51,6 +51,8 @@ class Perception:
             events,
         )
         self.hand = UnchangingForce(config.sources.following, commands.settings, period_s, events)
+        self.touched = False
+        """Something pushes the arm that it stopped for."""
         commands.frames.lens = self.vision.lens
         commands.frames.moved = self.moving_frames.moved
 
@@ -63,34 +65,32 @@ class Perception:
         now_s: float,
     ) -> None:
         """Update all monitors; `memory` and `output` are those of the tick before."""
-        commands = self._commands
+        commands, settings, wrench = self._commands, self._commands.settings, None
+        if output is not None and output.seen.wrench is not None:
+            R = output.T_world_mrf_measured.R
+            wrench = (output.seen.wrench.reshape(2, 3) @ R.T).ravel()
         self._walls.update(memory, reading.q)
         if self.moving_frames.base is not None:
             self.moving_frames.base.take_rate(reading.rate)
         if reading.wrench_age_s is not None:
-            weight, twists = None, {}
             if output is not None:
-                twists, self._T_world_mrf = output.desired.twists, output.T_world_mrf_measured
-                # Of the MRF that the tick was about: arms that hold a payload have another one.
-                told = commands.settings
-                weight = self._arm.wrist.weight(
-                    self._T_world_mrf, output.T_wrist_mrf, told.payload, told.wrench_bias
-                )
-            self.sensor.update(reading, weight, twists)
+                self._T_world_mrf = output.T_world_mrf_measured
+            self.sensor.update(reading, output, settings.payload, settings.wrench_bias)
             if output is None or output.held is None:
-                carried = self.collisions.carried
-                self.load.update(output, mode, now_s, carried)
-                told = commands.settings
-                told.contact_share = self.ringing.update(output, mode)
-                told.untold = self.hand.update(output, mode, self.load.trust)
+                self.load.update(output, wrench, mode, now_s, self.collisions.carried)
+                settings.contact_share = self.ringing.update(output, mode)
+                settings.untold = self.hand.update(output, wrench, mode, self.load.trust)
             else:
-                commands.settings.untold = None
+                settings.untold = None
         doubted = self.load.tool
         by_joint = doubted is None and commands.by_joint(now_s)
         self.pressed.follow(output, by_joint, mode)
         tool = self.pressed if doubted is None and self.pressed.watching else doubted
         moved = commands.frames.moved
-        self.collisions.update(reading, memory, output, moved, mode, self.load.doubt, tool)
+        doubt = self.load.doubt
+        self.collisions.update(reading, memory, output, wrench, moved, mode, doubt, tool)
+        stopping = self.collisions.release.touched and not self.collisions.release.withdraws
+        self.touched = stopping or self.load.touched or self.pressed.touched
 
     def look_ahead(self, news: ContourNews, tick: int) -> None:
         """Take in a contour, and what scans say of slip. Raises `Refused` where it does not fit."""
@@ -114,14 +114,3 @@ class Perception:
         frames = self._commands.frames
         T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()
         self.vision.remember(tick, T_world_wrist, frames.moved.T_world_base_measured)
-
-    @property
-    def slipping(self) -> bool:
-        """True while a scanner sees that the base does not come as far as its wheels roll."""
-        base = self.moving_frames.base
-        return base is not None and base.slipping
-
-    @property
-    def touched(self) -> bool:
-        """True while something pushes the arm that it stopped for."""
-        return self.collisions.stopping or self.load.touched or self.pressed.touched

@@ -2,9 +2,10 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,7 +53,10 @@ LONGEST = 0.5
 
 def others_ask(twists: Mapping[str, Array]) -> bool:
     """Return whether sources other than those of the sensor ask for motion; `twists` by source."""
-    asked = sum((v for name, v in twists.items() if name not in WRENCH_SOURCES), np.zeros(6))
+    asked = np.zeros(6)
+    for name, twist in twists.items():
+        if name not in WRENCH_SOURCES:
+            asked += twist
     return bool((np.abs(asked) > ASKED).any())
 
 
@@ -69,29 +73,47 @@ def reads_weight(left: Array, payload: Payload) -> bool:
     return force <= max(UNKNOWN_LOAD.force, WEIGHED * weight) and moment <= within
 
 
-class ForceTorqueMonitor:
-    """Monitors the sensor of a cell; if it is `essential`, the arm does not move without it."""
+class _Loaded(NamedTuple):
+    """A reading (6,), where the tool was, and what was told of its load."""
 
-    def __init__(self, events: Events, essential: bool, period_s: float) -> None:
-        self._events = events
-        self._essential = essential
+    wrench: Array
+    T_world_mrf: Pose
+    T_wrist_mrf: Pose
+    """Of the MRF that the tick was about: arms that hold a payload have another one."""
+    payload: Payload | None
+    bias: Array
+
+
+class ForceTorqueMonitor:
+    """Monitors the sensor of a cell; if it is `essential`, the arm does not move without it.
+
+    `weight` returns what a payload alone makes the sensor read (6,), see `Wrist.weight`.
+    """
+
+    def __init__(
+        self,
+        events: Events,
+        essential: bool,
+        period_s: float,
+        weight: Callable[[Pose, Pose, Payload | None, Array], Array],
+    ) -> None:
+        self._events, self._weight = events, weight
+        self.essential = essential
         self._stale: str | None = None
         """The event that told why there is no reading; None while there is one."""
-        self._unloaded: deque[Array] = deque(maxlen=round(TARE_S / period_s))
-        self._stood: deque[Array] = deque(maxlen=round(TARE_S / period_s))
-        """Where the joints were (n,), while nothing was asked of the arm."""
+        self.stale = False
+        # Of the last ticks, for a tare: it judges them when it is asked for.
+        self._loaded: deque[_Loaded] = deque(maxlen=round(TARE_S / period_s))
+        self._stood: deque[tuple[Array | None, Mapping[str, Array]]] = deque(
+            maxlen=round(TARE_S / period_s)
+        )
+        """Where the joints were (n,), and what each source asked for."""
 
     def update(
-        self, reading: UnitReading, weight: Array | None, twists: Mapping[str, Array]
+        self, reading: UnitReading, output: Output | None, payload: Payload | None, bias: Array
     ) -> None:
-        """Take in a reading; `weight` (6,) is what the payload alone makes the sensor read.
-
-        `twists` are what each source asks for.
-        """
-        if reading.q is None or others_ask(twists):
-            self._stood.clear()
-        else:
-            self._stood.append(reading.q)
+        """Take in a reading, the tick before, and the payload and bias (6,) that are told now."""
+        self._stood.append((reading.q, {} if output is None else output.desired.twists))
         trouble, stale = reading.wrench_trouble, None
         if reading.wrench is None:
             saturated = trouble is not None and trouble.cause is Cause.SATURATED
@@ -102,34 +124,27 @@ class ForceTorqueMonitor:
             self._events.warning(stale, NAME, age_s=reading.wrench_age_s)
         elif stale is not None and trouble is not None and self._stale != stale:
             self._events.warning(stale, f"{NAME}: {trouble.detail}", **trouble.values)
-        self._stale = stale
+        self._stale, self.stale = stale, stale is not None
         if reading.wrench is None:
-            self._unloaded.clear()
-        elif weight is not None:
-            self._unloaded.append(reading.wrench - weight)
+            self._loaded.clear()
+        elif output is not None:
+            at = output.T_world_mrf_measured, output.T_wrist_mrf
+            self._loaded.append(_Loaded(reading.wrench, *at, payload, bias))
 
     @property
     def unloaded(self) -> Array | None:
         """The mean reading (6,) less the payload's weight [N, N·m]; None before there is one."""
-        full = len(self._unloaded) == self._unloaded.maxlen
-        return np.asarray(np.mean(self._unloaded, axis=0)) if full else None
+        if len(self._loaded) < (self._loaded.maxlen or 0):
+            return None
+        return np.asarray(np.mean([x.wrench - self._weight(*x[1:]) for x in self._loaded], axis=0))
 
     @property
     def still(self) -> bool:
         """True while the arm stands well enough for a tare."""
-        if len(self._stood) < (self._stood.maxlen or 0):
+        q = [q for q, twists in self._stood if q is not None and not others_ask(twists)]
+        if len(q) < (self._stood.maxlen or 0):
             return False
-        return bool((np.ptp(np.array(self._stood), axis=0) < STILL).all())
-
-    @property
-    def stale(self) -> tuple[str, ...]:
-        """The sensor's name while it is stale."""
-        return () if self._stale is None else (NAME,)
-
-    @property
-    def missed(self) -> tuple[str, ...]:
-        """The sensor's name while it is stale and the arm may not move without it."""
-        return self.stale if self._essential else ()
+        return bool((np.ptp(np.array(q), axis=0) < STILL).all())
 
 
 # --- Text and values of the event `load_unexplained` ----------------------------------------------
@@ -192,31 +207,27 @@ class AveragedWrench:
         self._bounds = bounds
         self._rows = np.zeros((max(2, round(AVERAGE_S / period_s)), 6))
         """The newest wrenches, the last of them last."""
-        self._count = 0
-
-    @property
-    def known(self) -> bool:
-        """True once there is a reading."""
-        return self._count > 0
+        self.count = 0
+        """So many of them are known [1]."""
 
     def clear(self) -> None:
         """Forget: the sensor is stale."""
-        self._count = 0
+        self.count = 0
 
-    def add(self, wrench_mrf: Array, output: Output) -> None:
-        """Take in the wrench (6,) of a tick, in MRF axes."""
-        R, rows = output.T_world_mrf_measured.R, self._rows
+    def add(self, wrench: Array) -> None:
+        """Take in the wrench (6,) of a tick, in World axes."""
+        rows = self._rows
         rows[:-1] = rows[1:]
-        rows[-1] = (wrench_mrf.reshape(2, 3) @ R.T).ravel()
-        self._count = min(self._count + 1, len(rows))
+        rows[-1] = wrench
+        self.count = min(self.count + 1, len(rows))
 
     def mean(self) -> Array:
         """Return the mean wrench (6,)."""
-        return self._mean(self._count)
+        return self._mean(self.count)
 
     def now(self) -> Array:
         """Return the mean wrench (6,) of the last few ticks."""
-        return self._mean(min(self._count, NEWEST))
+        return self._mean(min(self.count, NEWEST))
 
     def mark(self, output: Output) -> WrenchMark:
         """Return where the tool is, and what is measured now."""
@@ -231,7 +242,7 @@ class AveragedWrench:
 
     def quiet(self) -> bool:
         """Return whether neither is beyond its bound."""
-        return self.known and bool((self.sizes() <= self._bounds).all())
+        return self.count > 0 and bool((self.sizes() <= self._bounds).all())
 
     def _mean(self, newest: int) -> Array:
         """Return the mean (6,) of so many wrenches, nothing of none."""
@@ -321,6 +332,8 @@ class LoadMonitor:
         self._tared = np.zeros(2)
         """Sizes of what a tare took for the sensor's own, and may be weight (2,) [N, N·m]."""
         self._contact = ToolContact(period_s)
+        self._latched = False
+        """The contact of the tool was looked at a tick ago."""
 
     # --- what others ask ---------------------------------------------------------------------
 
@@ -355,62 +368,52 @@ class LoadMonitor:
     def update(
         self,
         output: Output | None,
+        wrench: Array | None,
         mode: Mode,
         time_s: float,
         carried: bool,
     ) -> None:
-        """Take in what the tick before made of the sensor's reading.
+        """Take in what the tick before made of the sensor's reading: a `wrench` (6,), World axes.
 
         `carried` says that the drives carry what the sensor reads.
         """
         if self._idle or output is None:
             return
+        settings, measured = self._settings, self._measured
         if self.trust in (LoadTrust.EXPLAINED, LoadTrust.SETTLING, LoadTrust.JUDGED):
             self._carried = carried
         before, self._mode = self._mode, mode
-        moving, stale = mode is Mode.ENABLED, not self._measured.known
+        moving, stale = mode is Mode.ENABLED, measured.count == 0
         began = moving and before is not Mode.ENABLED
-        if output.seen.wrench is None:
-            self._measured.clear()
+        if wrench is None:
+            measured.clear()
             self._using = False
         else:
-            self._measured.add(output.seen.wrench, output)
-            using = moving and any(self._settings.on[s] for s in WRENCH_SOURCES)
+            measured.add(wrench)
+            using = moving and any(map(settings.on.get, WRENCH_SOURCES))
             if began:
-                self._vouched = self._measured.quiet()
+                self._vouched = measured.quiet()
             # Once it was explained, what comes while a source was off, or the sensor, is contact.
             anew = (stale or not self._using) and not self._vouched
             if using and (began or anew):
                 self._begin(time_s, before.energised)
             self._using = using
-        self._hear(output, time_s)
-        if self._using and self._measured.known:
+        if settings.load_told != self._told:
+            self._hear(output, time_s)
+        if self._using and self.trust in (LoadTrust.SETTLING, LoadTrust.JUDGED):
             self._judge(output, time_s)
-        self._settings.load_settles &= self.trust is LoadTrust.SETTLING
-        self._settings.sensor_share = 0.0 if self._waits() else self._share(output)
-        if self.trust not in LATCHED:
+        settings.load_settles &= self.trust is LoadTrust.SETTLING
+        settings.sensor_share = self._share(output)
+        before_latched, self._latched = self._latched, self.trust in LATCHED
+        if self._latched:
+            known, weight = float(self._known[0]), self._weight()
+            self._contact.update(known, measured.now(), weight, output, moving)
+        elif before_latched:
             self._contact.rest()
-            return
-        known, weight = float(self._known[0]), self._weight()
-        self._contact.update(known, self._measured.now(), weight, output, moving)
-
-    def _waits(self) -> bool:
-        """Return whether force control is not to act now."""
-        if self.trust is LoadTrust.SETTLING or self.trust in LATCHED:
-            return True
-        # Nothing acts before the arm is enabled, and nothing shall in the first tick.
-        if self.trust is LoadTrust.JUDGED:
-            return self._mode is not Mode.ENABLED
-        if self._mode.energised or self.trust is LoadTrust.ACKNOWLEDGED:
-            return False
-        return not self._measured.quiet()
 
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
-        told = self._settings.load_told
-        if told == self._told:
-            return
-        self._told, heard = told, self._settings.load_heard
+        self._told, heard = self._settings.load_told, self._settings.load_heard
         self._lever = self._apart(output)
         if heard == "unknown":
             self.trust, self._known = LoadTrust.UNKNOWN, self._measured.sizes()
@@ -506,12 +509,17 @@ class LoadMonitor:
         return 0.0 if payload is None else 9.81 * payload.mass
 
     def _share(self, output: Output) -> float:
-        """Return the part of their gains that the sensor's sources act with."""
-        if (
-            self.trust is not LoadTrust.JUDGED
-            or self._mode is not Mode.ENABLED
-            or others_ask(output.desired.twists)
-        ):
+        """Return the part of their gains that the sensor's sources act with: 0 while they wait."""
+        trust = self.trust
+        if trust is LoadTrust.SETTLING or trust in LATCHED:
+            return 0.0
+        if trust is not LoadTrust.JUDGED:
+            known = self._mode.energised or trust is LoadTrust.ACKNOWLEDGED
+            return 1.0 if known or self._measured.quiet() else 0.0
+        # Nothing acts before the arm is enabled, and nothing shall in the first tick.
+        if self._mode is not Mode.ENABLED:
+            return 0.0
+        if others_ask(output.desired.twists):
             return 1.0
         settings, (force, moment) = self._settings, self._measured.sizes()
         rate = np.zeros(2)
@@ -564,50 +572,57 @@ class UnchangingForce:
         self._ticks = 0
         self._T_wrist_mrf: Pose | None = None
         self._learned = np.zeros(6)
+        self._nobodys: Array | None = None
+        """The parts of that (6,) that are beyond the deadband; None: neither is."""
         self._said = np.zeros(6)
 
-    def update(self, output: Output | None, mode: Mode, trust: LoadTrust) -> Array | None:
+    def update(
+        self, output: Output | None, wrench: Array | None, mode: Mode, trust: LoadTrust
+    ) -> Array | None:
         """Take in the tick before; return the wrench (6,) that is nobody's, in World axes.
 
-        It is what the arm exerts at the MRF. None: there is none beyond the deadband, or a load
-        that no contact explains is judged, or waits for an operator.
+        `wrench` (6,) is what that saw the tool exert at the MRF, in World axes; it is kept, and
+        carried to other MRFs. None: there is none beyond the deadband, or a load that no contact
+        explains is judged, or waits for an operator.
         """
         if output is None or trust is LoadTrust.JUDGED or trust in LATCHED:
             self._forget()
             return None
-        if output.seen.wrench is None:
+        if wrench is None:
             self._newest.clear()
             self._blocks.clear()
         else:
-            self._carry(output)
-            R = output.T_world_mrf_measured.R
-            self._newest.append((output.seen.wrench.reshape(2, 3) @ R.T).ravel())
+            if output.T_wrist_mrf is not self._T_wrist_mrf:
+                self._carry(output)
+            self._newest.append(wrench)
             self._ticks += 1
             if self._ticks % BLOCK == 0:
                 self._learn(mode.energised and trust is not LoadTrust.SETTLING)
-        acts = [
-            size > most for size, most in zip(sizes(self._learned), self._deadband, strict=True)
-        ]
-        if not any(acts):
-            return None
-        if mode is Mode.ENABLED and self._settings.on["following"]:
+        if self._nobodys is not None and mode is Mode.ENABLED and self._settings.on["following"]:
             self._tell()
-        return np.asarray(self._learned * np.repeat(acts, 3))
+        return self._nobodys
 
     def _forget(self) -> None:
         self._newest.clear()
         self._blocks.clear()
-        self._learned, self._said = np.zeros(6), np.zeros(6)
+        self._learned, self._said, self._nobodys = np.zeros(6), np.zeros(6), None
+
+    def _know(self, learned: Array) -> None:
+        """Take a wrench (6,) for nobody's, as far as it is beyond the deadband."""
+        self._learned = learned
+        acts = np.array(sizes(learned)) > self._deadband
+        self._nobodys = learned * np.repeat(acts, 3) if acts.any() else None
 
     def _carry(self, output: Output) -> None:
         """Bring what was measured at another MRF, in the Wrist, to that of now."""
         before, now = self._T_wrist_mrf, output.T_wrist_mrf
         self._T_wrist_mrf = now
-        if before is now or before is None or np.array_equal(before.p, now.p):
+        if before is None or np.array_equal(before.p, now.p):
             return
         lever = output.T_world_mrf_measured.R @ now.R.T @ (before.p - now.p)
         for wrench in (self._learned, *self._newest, *self._blocks):
             wrench[3:] += cross(lever, wrench[:3])
+        self._know(self._learned)
 
     def _learn(self, followed: bool) -> None:
         """Take in one more block of the newest wrenches."""
@@ -615,7 +630,7 @@ class UnchangingForce:
         self._blocks.append(newest)
         if not followed:
             # The brakes hold, or a load is told: what is read now is there before it is followed.
-            self._learned = newest.copy()
+            self._know(newest.copy())
             return
         force, up = sizes(newest)[0], abs(float(newest[2]))
         hangs = force <= self._deadband[0] or up >= VERTICAL * force
@@ -626,7 +641,7 @@ class UnchangingForce:
         off = np.linalg.norm((last - newest).reshape(count, 2, 3), axis=2).max(axis=0)
         leads = self._settings.gains["following"].reshape(2, 3).any(axis=1)
         if not (leads & (off > STEADY * self._deadband)).any():
-            self._learned = last.mean(axis=0)
+            self._know(last.mean(axis=0))
 
     def _tell(self) -> None:
         off = np.array(sizes(self._learned - self._said))

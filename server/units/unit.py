@@ -65,7 +65,7 @@ def tick_inputs(
     `q` (n,) are the measured joints [rad], `moved` the grounds. Sources and goals act in ENABLED
     only; in the other modes the arm may give way to contact.
     """
-    intent, withdraws = INTENTS[mode], perception.collisions.withdraws
+    intent, withdraws = INTENTS[mode], perception.collisions.release.withdraws
     moving, drive = intent is Intent.MOVE, asked.drive
     if not moving:
         drive = STILL
@@ -96,7 +96,7 @@ def tick_inputs(
         moved=moved if grounds_move else None,
         ground=asked.ground if grounds_move else "world",
         drive=drive,
-        pushed=None if moving else perception.collisions.pushed,
+        pushed=None if moving else perception.collisions.release.pushed,
     )
 
 
@@ -305,6 +305,8 @@ class Unit:
 
     def follow_frames(self, tick: int, mode: Mode) -> None:
         """Bring the frames that may move up to this tick."""
+        if not self.perception.moving_frames.watching:
+            return
         moving = mode in (Mode.ENABLED, Mode.STOPPING)
         self.commands.frames.moved = self.perception.moving_frames.step(
             tick, moving=moving, commanded=self.commanded, q=self.q

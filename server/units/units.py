@@ -36,6 +36,7 @@ from ..perception.cameras import VisionTracker
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
+from ..perception.wrench import NAME as SENSOR
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds
@@ -369,6 +370,8 @@ class Units:
         """What the next tick begins with; None before the joints were heard, and once it is void.
         """
         self.settings, self.obstacles = settings, obstacles
+        self.all: tuple[Unit | JointUnit, ...] = (*self.each, *self.joint)
+        """All that may be commanded: arms, and tasks that several of them hold."""
 
     @classmethod
     def from_cell(cls, cell: Cell, control: Control, events: Events) -> Self:
@@ -427,14 +430,12 @@ class Units:
             return self.all
         return (self.of(message),)
 
-    @property
-    def all(self) -> tuple[Unit | JointUnit, ...]:
-        """All that may be commanded: arms, and tasks that several of them hold."""
-        return (*self.each, *self.joint)
-
     def holder_of(self, unit: Unit) -> JointUnit | None:
         """Return the joint task for which an arm holds a payload now, or None."""
-        return next((joint for joint in self.joint if joint.on and unit in joint.units), None)
+        for joint in self.joint:
+            if joint.on and unit in joint.units:
+                return joint
+        return None
 
     def hold_together(self, name: str | None, on: bool) -> None:
         """Let the arms of a joint task hold its payload, or let go of it. Raises `Refused`."""
@@ -511,9 +512,11 @@ class Units:
     @property
     def following_error(self) -> Array | None:
         """How far all joints (n,) are behind their commands [rad]; None before the first tick."""
-        errors = [u.output.seen.error for u in self.each if u.output is not None]
-        if len(errors) < len(self.each):
-            return None
+        errors = []
+        for unit in self.each:
+            if unit.output is None:
+                return None
+            errors.append(unit.output.seen.error)
         return errors[0] if len(errors) == 1 else np.concatenate(errors)
 
     @property
@@ -543,37 +546,40 @@ class Units:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """Sensors that are stale, and without which nothing may move."""
-        return tuple(
-            f"{unit.cell.prefix}{name}"
-            for unit in self.each
-            for name in _missed(unit, self.holder_of(unit))
-        )
+        """Sensors that are stale, and without which nothing may move.
+
+        No arm holds a payload with others blind.
+        """
+        found = []
+        for unit in self.each:
+            sensor = unit.perception.sensor
+            if sensor.stale and (sensor.essential or self.holder_of(unit) is not None):
+                found.append(f"{unit.cell.prefix}{SENSOR}")
+        return tuple(found)
 
     @property
     def reason_to_stop(self) -> str | None:
         """Why perception lets the arms not move, or None."""
         if self.missed:
             return "sensor stale"
+        avoid = self.settings.avoid
         for unit in self.each:
-            if (frame := unit.perception.moving_frames.disputed) is not None:
+            frames = unit.perception.moving_frames
+            if frames.watching and (frame := frames.disputed) is not None:
                 return f"news of {frame} disputed"
-        if self.settings.avoid and self.obstacles.stop is not None:
+        if avoid and self.obstacles.stop is not None:
             return "obstacle stale"
-        if self.settings.avoid and any(unit.blind for unit in self.each):
-            return "scanner silent"
-        if self.settings.avoid and any(unit.perception.slipping for unit in self.each):
-            return "wheels slip"
+        for unit in self.each:
+            if avoid and unit.perception.passage is not None and unit.blind:
+                return "scanner silent"
+        for unit in self.each:
+            base = unit.perception.moving_frames.base
+            if avoid and base is not None and base.slipping:
+                return "wheels slip"
         for joint in self.joint:
-            if joint.reason_to_stop is not None:
-                return joint.reason_to_stop
+            if (reason := joint.reason_to_stop) is not None:
+                return reason
         return "touched" if self.touched else None
-
-
-def _missed(unit: Unit, holder: JointUnit | None) -> tuple[str, ...]:
-    """Return sensors without which an arm may not move; none holds a payload with others blind."""
-    sensor = unit.perception.sensor
-    return sensor.missed if holder is None else sensor.stale
 
 
 # --- Requests that concern one arm or its task: settings, frames, loads, paths, views -------------

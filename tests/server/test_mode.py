@@ -1,4 +1,3 @@
-from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -9,12 +8,12 @@ CALM = ModeInputs(
     drives_enabled=False, drives_off=True, may_move=False, at_rest=True,
 )  # fmt: skip
 """Nobody asks for anything, all is well, and nobody may move."""
-DRIVEN = replace(CALM, drives_enabled=True, drives_off=False, may_move=True, at_rest=False)
+DRIVEN = CALM._replace(drives_enabled=True, drives_off=False, may_move=True, at_rest=False)
 """An operator drives."""
 
 
 def after(mode, situation=CALM, **changes):
-    return next_mode(mode, replace(situation, **changes))
+    return next_mode(mode, situation._replace(**changes))
 
 
 @pytest.mark.parametrize(
@@ -69,7 +68,7 @@ def test_what_must_not_change_the_mode(mode, situation, changes):
 
 
 def every_situation():
-    flags = [name for name in ModeInputs.__dataclass_fields__ if name != "action"]
+    flags = [name for name in ModeInputs._fields if name != "action"]
     for action, *values in product(PendingAction, *[(False, True)] * len(flags)):
         yield ModeInputs(action=action, **dict(zip(flags, values, strict=True)))
 
