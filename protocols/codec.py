@@ -145,10 +145,7 @@ def _limits(kind: type[Message]) -> tuple[dict[str, Any], bool]:
 class _OneMap:
     """Makes the map of a message that has no other in it; the second one that ends is refused."""
 
-    __slots__ = ("_made",)
-
-    def __init__(self) -> None:
-        self._made = False
+    _made = False
 
     def __call__(self, pairs: list[tuple[object, object]]) -> dict[object, object]:
         if self._made:

@@ -250,7 +250,7 @@ class Topic:
             raise TypeError(f"{self.key}: nothing bounds its messages")
         return bounds.size
 
-    @property
+    @cached_property
     def needs_proof(self) -> bool:
         """True where only the lease's holder is heard, and has to prove the lease (`proof.py`)."""
         return issubclass(self.message, m.Command)

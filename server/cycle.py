@@ -269,7 +269,7 @@ class Cycle:
                 self.mode,
                 reading,
                 self._last_q,
-                self._services.protective_stop is not None,
+                self._services.stops.asked_by is not None,
                 self._supervisor.overruns,
             )
             self._telemetry.publish(record, units, self._admission)

@@ -36,12 +36,15 @@ class FaultDetector:
         """Return what is wrong now, or None; `following_error` (n,) is the last tick's [rad]."""
         if reading.trouble is not None or not mode.energised:
             return reading.trouble
-        return self._elsewhere(mode, reading) or self._left_behind(following_error)
+        if reading.states.count(DriveState.OPERATION_ENABLED) < len(reading.states):
+            return self._elsewhere(mode, reading)
+        error = None if following_error is None else np.abs(following_error)
+        if error is not None and (error > self._window).any():
+            return self._left_behind(error)
+        return None
 
-    def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble | None:
+    def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble:
         """Return which drive is not in Operation enabled, though the mode says that all are."""
-        if reading.states.count(DriveState.OPERATION_ENABLED) == len(reading.states):
-            return None
         j = next(i for i, s in enumerate(reading.states) if s is not DriveState.OPERATION_ENABLED)
         state = reading.states[j]
         there = "no state" if state is None else state.name.lower()
@@ -52,13 +55,8 @@ class FaultDetector:
             {"node": self._nodes[j]},
         )
 
-    def _left_behind(self, following_error: Array | None) -> Trouble | None:
-        """Return which joint is too far from its command."""
-        if following_error is None:
-            return None
-        error = np.abs(following_error)
-        if not (error > self._window).any():
-            return None
+    def _left_behind(self, error: Array) -> Trouble:
+        """Return which joint is too far from its command, of how far all are (n,) [rad]."""
         j = int(np.argmax(error / self._window))
         return Trouble(
             Cause.FOLLOWING_ERROR,
@@ -234,7 +232,7 @@ class Supervisor:
             return "daemon ends"
         if not self._admission.lease.alive(now.time_s):
             return "lease run out"
-        if self._services.protective_stop is not None:
+        if self._services.stops.asked_by is not None:
             return "protective stop"
         if reason_to_stop is not None:
             return reason_to_stop

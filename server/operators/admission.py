@@ -1,9 +1,9 @@
 """Admission of every command and request: the lease and its proof, order, and freshness."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from ...protocols.codec import CodecError, decode
+from ...protocols.codec import CodecError, decode_as
 from ...protocols.messages import requests
 from ...protocols.messages.messages import Command, Message
 from ...protocols.proof import PROOF_BYTES, KeyPair, Proof
@@ -32,7 +32,7 @@ class Lease:
 
     def renewed(self, now_s: float, timeout_s: float) -> "Lease":
         """Return the same lease, good for another timeout."""
-        return replace(self, expires_s=now_s + timeout_s)
+        return Lease(self.holder, self.secret, self.epoch, now_s + timeout_s)
 
     def ended(self) -> "Lease":
         """Return the lease that nobody holds."""
@@ -101,7 +101,8 @@ class Admission:
             raise Refused(
                 Why.WRONG_PROOF, f"a proof of {len(attachment)} bytes instead of {PROOF_BYTES}"
             )
-        self._of_this_lease(proof)
+        if proof.epoch != lease.epoch:
+            raise Refused(Why.OLD_EPOCH, f"epoch {proof.epoch}, the lease's is {lease.epoch}")
         last = self._proven_seq.get(topic.key, -1)
         most = FIRST_SEQ if self._newest_seq is None else self._newest_seq + LEAP
         if not last < proof.seq <= most:
@@ -120,16 +121,20 @@ class Admission:
         if proof is None and issubclass(topic.message, Command):
             raise Refused(Why.WRONG_PROOF, "no proof of the lease")
         try:
-            message = decode(topic, payload)
+            message = decode_as(topic.message, payload, topic.max_bytes)
         except CodecError as error:
             raise Refused(error.reason, error.detail) from None
         if isinstance(message, Command) and proof is not None:
-            self._held(proof, now)
-            self._recent(message, now)
-            self.renew(now)
-            needs_enabled = topic.flow is Flow.COMMAND and topic.key != "cmd/keepalive"
-            if needs_enabled:
-                self._current(message, now)
+            self._require_recent(message, proof, now)
+            self.lease = self.lease.renewed(now.time_s, self._timeout_s)
+            if topic.flow is Flow.COMMAND and topic.key != "cmd/keepalive":
+                if now.enabled_since is None:
+                    raise Refused(Why.NOT_ENABLED, "the arm is not enabled")
+                if message.seen_tick < now.enabled_since:
+                    seen = f"seen_tick {message.seen_tick}"
+                    raise Refused(
+                        Why.BEFORE_ENABLE, f"{seen}, enabled since tick {now.enabled_since}"
+                    )
             self.last_seq[topic.key] = proof.seq
             self.age_ticks = now.tick - message.seen_tick
         return message
@@ -171,17 +176,16 @@ class Admission:
     def _forget_order(self) -> None:
         self._proven_seq, self._newest_seq, self.last_seq = {}, None, {}
 
-    def _of_this_lease(self, proof: Proof) -> None:
-        if proof.epoch != self.lease.epoch:
-            raise Refused(Why.OLD_EPOCH, f"epoch {proof.epoch}, the lease's is {self.lease.epoch}")
+    def _require_recent(self, command: Command, proof: Proof, now: Instant) -> None:
+        """Look again at a proof that held, as its lease may have ended within the tick, and when.
 
-    def _held(self, proof: Proof, now: Instant) -> None:
-        """Look again at a proof that held: the lease may have ended within the same tick."""
-        if not self.lease.alive(now.time_s):
+        Raises `Refused`.
+        """
+        lease = self.lease
+        if not lease.alive(now.time_s):
             raise Refused(Why.NO_LEASE, "nobody holds the lease")
-        self._of_this_lease(proof)
-
-    def _recent(self, command: Command, now: Instant) -> None:
+        if proof.epoch != lease.epoch:
+            raise Refused(Why.OLD_EPOCH, f"epoch {proof.epoch}, the lease's is {lease.epoch}")
         if command.seen_tick > now.tick:
             raise Refused(
                 Why.FUTURE_PICTURE, f"seen_tick {command.seen_tick}, this is tick {now.tick}"
@@ -191,15 +195,6 @@ class Admission:
             raise Refused(
                 Why.OLD_PICTURE,
                 f"based on a snapshot {age} ticks old, at most {self._max_age_ticks}",
-            )
-
-    def _current(self, command: Command, now: Instant) -> None:
-        if now.enabled_since is None:
-            raise Refused(Why.NOT_ENABLED, "the arm is not enabled")
-        if command.seen_tick < now.enabled_since:
-            raise Refused(
-                Why.BEFORE_ENABLE,
-                f"seen_tick {command.seen_tick}, enabled since tick {now.enabled_since}",
             )
 
 

@@ -11,9 +11,10 @@ is a budget of time in each tick; what is left over waits for the next one.
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from itertools import chain
+from typing import Any, Final
 
 from ...protocols import topics as t
 from ...protocols.codec import Reason
@@ -21,7 +22,7 @@ from ...protocols.messages.requests import Reply
 from ...protocols.proof import Proof
 from ..refusals import Refused
 from .admission import Admission, Instant
-from .link import Answer, Link, RawMessage, Receive
+from .link import Answer, Link, RawMessage, Source, room
 
 FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
 """Sorted completely in every tick."""
@@ -81,7 +82,7 @@ class Inbox:
         self._budget_s = PART * period_s
         self._boxes = {x.key: deque[QueuedMessage](maxlen=x.unread) for x in (*FIRST, *REST)}
         self._first, self._rest = ([(x, link.source(x)) for x in part] for part in (FIRST, REST))
-        self._sensors = [(x, link.source(x), link.room(x)) for x in t.SENSORS]
+        self._sensors = [(x, link.source(x), room(x)) for x in t.SENSORS]
         self._waiting = 0
         """Letters in all mailboxes."""
         self._refusals: dict[str, Refusal] = {}
@@ -91,16 +92,22 @@ class Inbox:
 
     def sort(self, now: Instant) -> None:
         """Empty the rings of commands and requests, as far as the budget allows."""
-        refused = 0
-        for topic, take in self._first:
-            raw = take()
-            if raw is not None:
-                refused += self._drain(topic, take, raw, now, math.inf)
+        refused, crowded = 0, self._link.crowded
+        for topic, source in self._first:
+            if crowded and topic.flow is t.Flow.REQUEST:
+                continue
+            came = source.poll()
+            if came is not None:
+                refused += self._drain(topic, source, came, now, math.inf)
+                crowded = self._link.crowded
         end_s = self._clock() + self._budget_s
-        for i, (topic, take) in enumerate(self._rest):
-            raw = take()
-            if raw is not None:
-                refused += self._drain(topic, take, raw, now, end_s)
+        for i, (topic, source) in enumerate(self._rest):
+            if crowded and topic.flow is t.Flow.REQUEST:
+                continue
+            came = source.poll()
+            if came is not None:
+                refused += self._drain(topic, source, came, now, end_s)
+                crowded = self._link.crowded
                 if self._clock() > end_s:
                     # The next ones come first, next time.
                     self._rest = self._rest[i + 1 :] + self._rest[: i + 1]
@@ -108,19 +115,17 @@ class Inbox:
                     return
         self.pressed = refused > PRESSED
 
-    def _drain(
-        self, topic: t.Topic, take: Receive, first: RawMessage, now: Instant, end_s: float
-    ) -> int:
+    def _drain(self, topic: t.Topic, source: Source, first: Any, now: Instant, end_s: float) -> int:
         """Sort what waits on a topic until a time; return how much of it was refused."""
-        refused, raw = 0, first
-        for _ in range(self._link.room(topic)):
-            refused += not self._keep(topic, raw, now)
-            if self._clock() > end_s:
+        refused, came = 0, first
+        for _ in range(room(topic)):
+            raw = source.read(came)
+            refused += raw is not None and not self._keep(topic, raw, now)
+            if self._clock() > end_s or (topic.flow is t.Flow.REQUEST and self._link.crowded):
                 break
-            more = take()
-            if more is None:
+            came = source.poll()
+            if came is None:
                 break
-            raw = more
         return refused
 
     def refusals(self) -> list[Refusal]:
@@ -130,15 +135,18 @@ class Inbox:
         self._answers_left = ANSWERED
         return taken
 
-    def requests(self) -> Iterator[QueuedMessage]:
-        """Yield the requests: the holder's as they were sent, all others, and stops, which win."""
-        yield from self._in_order(self._take(HOLDERS))
-        yield from self._take((t.LEASE, t.PROTECTIVE_STOP))
+    def requests(self) -> Iterable[QueuedMessage]:
+        """Return the requests: the holder's as they were sent, all others, and stops, which win."""
+        if self._waiting == 0:
+            return ()
+        holders = self._in_order(self._take(HOLDERS))
+        return chain(holders, self._take((t.LEASE, t.PROTECTIVE_STOP)))
 
-    def commands(self) -> Iterator[QueuedMessage]:
-        """Yield the holder's commands: keepalives, then the others as they were sent."""
-        yield from self._take((t.KEEPALIVE,))
-        yield from self._in_order(self._take(ORDERS))
+    def commands(self) -> Iterable[QueuedMessage]:
+        """Return the holder's commands: keepalives, then the others as they were sent."""
+        if self._waiting == 0:
+            return ()
+        return chain(self._take((t.KEEPALIVE,)), self._in_order(self._take(ORDERS)))
 
     def sensors(self) -> Iterator[QueuedMessage]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
@@ -146,14 +154,15 @@ class Inbox:
         waiting = self._sensors
         while waiting:
             still = []
-            for topic, take, left in waiting:
-                raw = take()
-                if raw is None:
+            for topic, source, left in waiting:
+                came = source.poll()
+                if came is None:
                     continue
                 if left > 1:
-                    still.append((topic, take, left - 1))
-                payload = self._read(topic, raw)
-                if payload is not None:
+                    still.append((topic, source, left - 1))
+                raw = source.read(came)
+                payload = None if raw is None else self._read(topic, raw)
+                if raw is not None and payload is not None:
                     yield QueuedMessage(topic, payload, None, sender=raw.sender)
                 if self._clock() > end_s:
                     self._sensors = [*self._sensors[1:], self._sensors[0]]
@@ -212,8 +221,6 @@ class Inbox:
 
     def _take(self, topics: tuple[t.Topic, ...]) -> list[QueuedMessage]:
         messages: list[QueuedMessage] = []
-        if self._waiting == 0:
-            return messages
         for topic in topics:
             box = self._boxes[topic.key]
             if box:

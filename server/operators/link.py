@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Any, Final, Literal, NamedTuple, Protocol
 
 import zenoh
 
@@ -140,18 +140,24 @@ class RawMessage(NamedTuple):
     """Name in the key, of a topic whose keys name their senders; else empty."""
 
 
-Receive = Callable[[], RawMessage | None]
-"""Returns the oldest message that waits on a topic, None without one."""
+class Source(NamedTuple):
+    """What takes the messages of a topic: `poll` costs nothing where none waits."""
+
+    poll: Callable[[], Any]
+    """Returns the oldest message that waits, as the network has it; None without one."""
+    read: Callable[[Any], RawMessage | None]
+    """Returns such a message; None for one that is let go of unread."""
 
 
 class Link(Protocol):
     """The network as the cycle uses it; nothing here blocks."""
 
-    def room(self, topic: Topic) -> int:
-        """Return how many messages of a topic wait at most."""
+    @property
+    def crowded(self) -> bool:
+        """True while so many answers wait that no more requests should be taken in."""
         ...
 
-    def source(self, topic: Topic) -> Receive:
+    def source(self, topic: Topic) -> Source:
         """Return what takes the messages of a topic, one at a time."""
         ...
 
@@ -208,19 +214,18 @@ class ZenohLink:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._hearings: dict[str, Hearing] = {}
 
-    def room(self, topic: Topic) -> int:
-        """Return how many messages of a topic wait at most."""
-        return room(topic)
+    @property
+    def crowded(self) -> bool:
+        """True while so many answers wait that no more requests should be taken in."""
+        return self._answers.crowded
 
-    def source(self, topic: Topic) -> Receive:
+    def source(self, topic: Topic) -> Source:
         """Return what takes the messages of a topic, one at a time."""
         if topic.flow is Flow.REQUEST:
-            queries = self._queries[topic.key]
-            return partial(_next_request, queries.try_recv, self._answers, self._keys[topic.key])
-        receive = self._puts[topic.key].try_recv
-        if topic.by_sender:
-            return partial(_next_signed, receive, topic, self._cell)
-        return partial(_next_put, receive)
+            read_request = partial(_request, self._answers, self._keys[topic.key])
+            return Source(self._queries[topic.key].try_recv, read_request)
+        read = partial(_signed, topic, self._cell) if topic.by_sender else _put
+        return Source(self._puts[topic.key].try_recv, read)
 
     def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
@@ -252,31 +257,19 @@ class ZenohLink:
         self._session.close()  # type: ignore[no-untyped-call]  # its stubs
 
 
-def _next_put(receive: "Callable[[], zenoh.Sample | None]") -> RawMessage | None:
-    sample = receive()
-    return None if sample is None else RawMessage(sample.payload, sample.attachment or b"")
+def _put(sample: "zenoh.Sample") -> RawMessage:
+    return RawMessage(sample.payload, sample.attachment or b"")
 
 
-def _next_signed(
-    receive: "Callable[[], zenoh.Sample | None]", topic: Topic, cell: str
-) -> RawMessage | None:
-    """Return the next message with its sender; who puts on many keys at once is not named."""
-    sample = receive()
-    if sample is None:
-        return None
+def _signed(topic: Topic, cell: str, sample: "zenoh.Sample") -> RawMessage:
+    """Return a message with its sender; who puts on many keys at once is not named."""
     sender = topic.sender_on(str(sample.key_expr), cell) or ""
     return RawMessage(sample.payload, sample.attachment or b"", sender=sender)
 
 
-def _next_request(
-    receive: "Callable[[], zenoh.Query | None]", answers: AnswerThread, key: str
-) -> RawMessage | None:
-    for _ in range(RING):
-        query = None if answers.crowded else receive()
-        if query is None:
-            return None
-        answer = partial(answers.give, query, key)
-        if str(query.key_expr) == key:
-            return RawMessage(query.payload or b"", query.attachment or b"", answer)
-        answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
+def _request(answers: AnswerThread, key: str, query: "zenoh.Query") -> RawMessage | None:
+    answer = partial(answers.give, query, key)
+    if str(query.key_expr) == key:
+        return RawMessage(query.payload or b"", query.attachment or b"", answer)
+    answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
     return None

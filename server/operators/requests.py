@@ -18,6 +18,7 @@ from ...protocols.proof import Proof
 from ...protocols.topics import Flow
 from ..events import Events
 from ..mode import Mode, PendingAction
+from ..reflection import Reflector
 from ..refusals import Refused, Why
 from ..units.unit import Unit
 from ..units.units import JointUnit, Units, serve_unit
@@ -54,11 +55,8 @@ class ProtectiveStops:
     def __init__(self) -> None:
         self._sealed: dict[bytes, str] = {}
         self._unsealed: str | None = None
-
-    @property
-    def asked_by(self) -> str | None:
+        self.asked_by: str | None = None
         """Name of an operator whose stop is latched, None without any."""
-        return self._unsealed or next(reversed(self._sealed.values()), None)
 
     def latch(self, operator: str, seal: bytes | None) -> None:
         """Latch a stop; `seal` is the SHA-256 of what clears it, None where only a lease does."""
@@ -66,11 +64,12 @@ class ProtectiveStops:
             self._sealed[seal] = operator
         else:
             self._unsealed = operator
+        self._find_asker()
 
     def clear(self) -> None:
         """Clear all, for the lease's holder."""
         self._sealed.clear()
-        self._unsealed = None
+        self._unsealed = self.asked_by = None
 
     def open(self, opens: bytes | None) -> None:
         """Clear the stop whose seal this opens. Raises `Refused` where it opens none."""
@@ -80,6 +79,10 @@ class ProtectiveStops:
             raise Refused(
                 Why.NOT_YOURS, f"asked by {asker}: {asker}'s seal or a proof of the lease clears it"
             )
+        self._find_asker()
+
+    def _find_asker(self) -> None:
+        self.asked_by = self._unsealed or next(reversed(self._sealed.values()), None)
 
 
 # --- Requests for a mode: answered once the mode is reached, or cannot be reached any more --------
@@ -224,13 +227,9 @@ class Services:
         self._admission = admission
         self._events = events
         self._grants = grants
-        self._stops = ProtectiveStops()
-        self.modes = ModeRequests(self._stops, events)
-
-    @property
-    def protective_stop(self) -> str | None:
-        """Name of the operator who asked for the protective stop that is latched, if any."""
-        return self._stops.asked_by
+        self.stops = ProtectiveStops()
+        """The protective stops that are latched."""
+        self.modes = ModeRequests(self.stops, events)
 
     def serve(self, asked: QueuedMessage, context: RequestContext) -> None:
         """Answer one request, or let one for a mode wait until the mode is reached."""
@@ -261,7 +260,7 @@ class Services:
             case requests.ModeRequest():
                 return self.modes.take(message, asked, context)
             case requests.ProtectiveStop():
-                self._stops.latch(message.operator, message.seal)
+                self.stops.latch(message.operator, message.seal)
                 self._events.warning("protective_stop", f"asked by {message.operator}")
             case requests.ProtectiveClear():
                 return self._clear(message, asked.proof, context)
@@ -293,13 +292,13 @@ class Services:
     def _clear(
         self, message: requests.ProtectiveClear, proof: Proof | None, context: RequestContext
     ) -> requests.Reply:
-        if self._stops.asked_by is None:
+        if self.stops.asked_by is None:
             return requests.Reply(ok=True, tick=context.now.tick)
         if self._admission.holds(proof, context.now):
-            self._stops.clear()
+            self.stops.clear()
         else:
-            self._stops.open(message.opens)
-        left = self._stops.asked_by
+            self.stops.open(message.opens)
+        left = self.stops.asked_by
         detail = f"by {message.operator}" + (f"; that of {left} is latched" if left else "")
         self._events.info("protective_stop_cleared", detail)
         return requests.Reply(ok=True, tick=context.now.tick, detail=detail[:500])
@@ -346,12 +345,15 @@ class Dispatcher:
             self._answer(refusal, context)
         self._units.obstacles.update(context.now.tick)
         for unit in self._units.each:
-            unit.perception.vision.update(context.now.tick)
+            if unit.vision.watching:
+                unit.vision.update(context.now.tick)
             if unit.perception.passage is not None:
                 unit.perception.passage.update(context.now.tick)
         for commanded in self._units.all:
-            _tell_dropped(commanded)
-            _look_at_energy(commanded)
+            if commanded.commands.dropped:
+                _tell_dropped(commanded)
+            if commanded.commands.reflector is not None:
+                _look_at_energy(commanded.commands.reflector, commanded.events)
             for name in commanded.commands.expired(now_s):
                 commanded.events.info("stream_expired", name)
 
@@ -410,11 +412,10 @@ def _tell_dropped(unit: Unit | JointUnit) -> None:
     unit.commands.dropped.clear()
 
 
-def _look_at_energy(unit: Unit | JointUnit) -> None:
-    reflector = unit.commands.reflector
-    if reflector is not None and reflector.take_trip():
+def _look_at_energy(reflector: Reflector, events: Events) -> None:
+    if reflector.take_trip():
         held = ": the force is held back" if reflector.protected else ""
-        unit.events.warning(
+        events.warning(
             "reflection_energy",
             "the handle gives the hand energy that it never got" + held,
             ledger_j=round(reflector.ledger, 4),

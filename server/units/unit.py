@@ -39,6 +39,8 @@ from ..plant import UnitReading
 
 # --- Assembly of the tick's inputs from reading, commands and perception --------------------------
 
+ENABLED: Final = DriveState.OPERATION_ENABLED
+
 INTENTS = {
     Mode.BOOT: Intent.SEED,
     Mode.READY: Intent.SEED,
@@ -87,7 +89,7 @@ def tick_inputs(
         asked,
         intent=intent,
         q_measured=q,
-        energised=np.array([s is DriveState.OPERATION_ENABLED for s in reading.states]),
+        energised=np.array([s is ENABLED for s in reading.states]),
         wrench_sensor=reading.wrench,
         wrench_age_s=reading.wrench_lag_s,
         wrench_mean=reading.wrench_over_period,

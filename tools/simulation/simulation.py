@@ -28,7 +28,7 @@ from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...protocols.topics import TICK, Flow, Topic
 from ...server.daemon import build
-from ...server.operators.link import RawMessage, Receive, room
+from ...server.operators.link import RawMessage, Source, room
 from ...server.process import VirtualClock
 from ...server.recorder import BlackBox
 from ..recording.recorder import Recorder
@@ -190,14 +190,13 @@ class MemoryLink:
         """Hand all telemetry to a listener as it is published; messages are not encoded."""
         self._listeners.append(listener)
 
-    def room(self, topic: Topic) -> int:
-        """Return how many messages of a topic wait at most."""
-        return room(topic)
+    crowded = False
+    """No answer ever waits."""
 
-    def source(self, topic: Topic) -> Receive:
+    def source(self, topic: Topic) -> Source:
         """Return what takes the messages of a topic, one at a time."""
         ring = self._ring(topic)
-        return lambda: ring.popleft() if ring else None
+        return Source(lambda: ring.popleft() if ring else None, lambda message: message)
 
     def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry."""

@@ -16,7 +16,7 @@ from telerobot.protocols.messages.perception import FrameNews
 from telerobot.protocols.proof import prove
 from telerobot.server.operators.admission import Admission, Instant
 from telerobot.server.operators.inbox import ANSWERED, PART, Inbox
-from telerobot.server.operators.link import RING
+from telerobot.server.operators.link import RING, room
 from telerobot.server.operators.link import RawMessage as Asked
 from telerobot.server.refusals import Why
 from telerobot.tools.simulation.simulation import MemoryLink
@@ -193,7 +193,8 @@ def test_a_proof_that_is_too_long_is_never_copied(network):
 def test_nothing_is_decoded_that_needs_a_proof_and_has_none(network, monkeypatch):
     decoded = []
     monkeypatch.setattr(
-        "telerobot.server.operators.admission.decode", lambda topic, payload: decoded.append(topic)
+        "telerobot.server.operators.admission.decode_as",
+        lambda kind, _payload, _most: decoded.append(kind),
     )
     rng = random.Random(3)
     for topic in NEEDS_PROOF:
@@ -209,7 +210,7 @@ def test_the_bytes_looked_at_in_a_tick_are_bounded_by_what_messages_can_be(netwo
         for size in range(0, 16_000, 100):
             network.send(topic, network.parcel(size))
     network.turn()
-    rings = sum(network.link.room(x) * x.max_bytes for x in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS))
+    rings = sum(room(x) * x.max_bytes for x in (*t.COMMANDS, *t.SENSORS, *t.REQUESTS))
     assert 0 < network.parcel.copied < rings
     network.parcel.copied = 0
     network.turn()

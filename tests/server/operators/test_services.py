@@ -98,7 +98,9 @@ def counter(pa10):
     admission, events = Admission(CELL, 0.01, 0.5, 0.5), Events()
     units = Units.from_cell(pa10.cell, Control.of(pa10.cell), events)
     (unit,) = units.each
-    unit.perception.sensor = SimpleNamespace(unloaded=np.arange(6.0), still=True, missed=())
+    unit.perception.sensor = SimpleNamespace(
+        unloaded=np.arange(6.0), still=True, stale=False, essential=True
+    )
     unit.output = SimpleNamespace(
         T_world_mrf=Pose.identity(), T_wrist_mrf=unit.commands.frames.T_wrist_mrf
     )
@@ -327,7 +329,7 @@ def test_a_fault_ends_the_wish_to_disable_so_that_a_reset_need_not_wait(ann):
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
 def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
     ann.see(mode=mode)
-    ann.sense(missed=("force_torque",))
+    ann.sense(stale=True)
     reply = ann.ask(t.MODE, action=action)
     assert (reply.ok, reply.reason) == (False, Why.SENSOR_STALE)
     assert "force_torque" in reply.detail
@@ -339,9 +341,9 @@ def test_nothing_moves_while_an_essential_sensor_is_stale(ann, action, mode):
 
 def test_anybody_may_ask_for_the_protective_stop_and_it_stays(ann):
     assert ann.ask(t.PROTECTIVE_STOP, operator="bystander").ok
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
     ann.pass_time(60.0)
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 @pytest.mark.parametrize(("action", "mode"), [("enable", Mode.READY), ("resume", Mode.HOLD)])
@@ -359,14 +361,14 @@ def test_nothing_moves_while_the_protective_stop_is_latched(ann, action, mode):
 def test_who_asked_may_clear_it_by_opening_its_seal(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     assert ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
-    assert ann.services.protective_stop is None
+    assert ann.services.stops.asked_by is None
 
 
 def test_the_lease_holder_may_clear_all_of_them_by_proof(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     ann.ask(t.PROTECTIVE_STOP, operator="another")
     assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.services.protective_stop is None
+    assert ann.services.stops.asked_by is None
 
 
 @pytest.mark.parametrize("opens", [None, b"g" * 32, SEAL])
@@ -375,7 +377,7 @@ def test_no_name_clears_it_and_no_guess_nor_what_was_heard(ann, operator, opens)
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=SEAL)
     reply = ann.ask(t.PROTECTIVE_CLEAR, operator=operator, opens=opens)
     assert (reply.ok, reply.reason) == (False, Why.NOT_YOURS)
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 def test_a_clear_that_was_heard_opens_no_later_stop(ann):
@@ -383,7 +385,7 @@ def test_a_clear_that_was_heard_opens_no_later_stop(ann):
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
     ann.ask(t.PROTECTIVE_STOP, operator="bystander", seal=sha256(b"p" * 32).digest())
     assert not ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS).ok
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 def test_a_holders_clear_that_was_heard_clears_no_later_stop(ann):
@@ -394,7 +396,7 @@ def test_a_holders_clear_that_was_heard_clears_no_later_stop(ann):
     assert ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
     ann.ask(t.PROTECTIVE_STOP, operator="bystander")
     assert not ann.put(t.PROTECTIVE_CLEAR, heard, proof).ok
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 def test_who_asks_for_a_stop_and_clears_it_clears_nobody_elses(ann):
@@ -404,7 +406,7 @@ def test_who_asks_for_a_stop_and_clears_it_clears_nobody_elses(ann):
     reply = ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=theirs)
     assert reply.ok
     assert "bystander" in reply.detail
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 def test_a_flood_of_stops_is_remembered_in_little_and_lets_nobody_clear_another(ann):
@@ -414,18 +416,18 @@ def test_a_flood_of_stops_is_remembered_in_little_and_lets_nobody_clear_another(
         ann.ask(t.PROTECTIVE_STOP, operator="attacker", seal=sha256(opens).digest())
     for opens in theirs:
         ann.ask(t.PROTECTIVE_CLEAR, operator="attacker", opens=opens)
-    assert ann.services.protective_stop is not None
+    assert ann.services.stops.asked_by is not None
     ann.ask(t.PROTECTIVE_CLEAR, operator="bystander", opens=OPENS)
-    assert ann.services.protective_stop == "attacker"  # one beyond those that are kept apart
+    assert ann.services.stops.asked_by == "attacker"  # one beyond those that are kept apart
     assert ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.services.protective_stop is None
+    assert ann.services.stops.asked_by is None
 
 
 def test_the_proof_of_a_lease_that_ran_out_clears_nothing(ann):
     ann.ask(t.PROTECTIVE_STOP, operator="bystander")
     ann.see(now=Instant(ann.context.now.time_s + 5.0, 1500, None))
     assert not ann.ask_proving(t.PROTECTIVE_CLEAR, operator="ann").ok
-    assert ann.services.protective_stop == "bystander"
+    assert ann.services.stops.asked_by == "bystander"
 
 
 # --- settings -------------------------------------------------------------------------------------
