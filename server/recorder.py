@@ -102,18 +102,6 @@ def pack(value: object) -> bytes:
     return packed
 
 
-class Packer:
-    """Packs as `pack` does, quicker; for one thread."""
-
-    def __init__(self) -> None:
-        # Each call of `packb` takes memory for a buffer, and gives it back.
-        self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
-
-    def pack(self, value: object) -> bytes:
-        """Return a value as bytes. Raises `TypeError` for one that cannot be recorded."""
-        return self._pack(_lowered(value))
-
-
 def unpack(data: bytes) -> Any:
     """Return the value of some bytes. Raises `RecordedValueError`."""
     try:
@@ -288,57 +276,38 @@ def _array_of(
 # --- Inputs of a tick as bytes, quickly: what is the same object as a tick ago is not packed anew
 
 
-class _Fields:
-    """Packs values of one class field by field, and keeps what the last one's fields packed to."""
+class FieldsPacker:
+    """Packs values of one class field by field, and keeps what the last one's fields packed to.
 
-    def __init__(self, kind: type, packer: Packer) -> None:
-        self._pack = packer.pack
+    Fields of the classes `within` are packed in the same way, each by its own.
+    """
+
+    def __init__(self, kind: type, within: "Mapping[type, FieldsPacker]" = MappingProxyType({})):
+        # Each call of `packb` takes memory for a buffer, and gives it back.
+        self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
         self._get, count = fields_of(kind)
-        self._head = struct_head(kind)
+        self._head, self._within = struct_head(kind), within
         self._last: list[Any] = [self] * count
         self._packed = [b""] * count
 
     def pack(self, value: object) -> bytes:
-        """Return the same bytes as `values.pack`."""
+        """Return the same bytes as `pack`. Raises `TypeError` for what cannot be recorded."""
         last, packed = self._last, self._packed
         for i, field in enumerate(self._get(value)):
-            if field is not last[i]:
-                packed[i] = self._field(field, last[i], packed[i])
-                last[i] = field
+            if field is last[i]:
+                continue
+            kind: Any = type(field)
+            if kind in self._within:
+                packed[i] = self._within[kind].pack(field)
+            else:
+                packed[i] = self._pack(field if kind in _PLAIN else _lower(kind)(field))
+            last[i] = field
         return self._head + b"".join(packed)
 
-    def _field(self, field: Any, _before: Any, _bytes: bytes) -> bytes:
-        return self._pack(field)
 
-
-class _SettingsFields(_Fields):
-    """Settings are made anew in every tick, mostly of the same objects."""
-
-    def _field(self, field: Any, before: Any, known: bytes) -> bytes:
-        if isinstance(field, dict) and isinstance(before, dict) and _same(field, before):
-            return known
-        return self._pack(field)
-
-
-class InputsPacker(_Fields):
-    """Packs the inputs of one arm, tick after tick."""
-
-    def __init__(self) -> None:
-        packer = Packer()
-        super().__init__(Inputs, packer)
-        self._settings = _SettingsFields(Settings, packer)
-
-    def _field(self, field: Any, _before: Any, _bytes: bytes) -> bytes:
-        if type(field) is Settings:
-            return self._settings.pack(field)
-        return self._pack(field)
-
-
-def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
-    """Return whether two mappings hold the same objects under the same keys, in one order."""
-    return len(a) == len(b) and all(
-        ka == kb and va is vb for (ka, va), (kb, vb) in zip(a.items(), b.items(), strict=True)
-    )
+def inputs_packer() -> FieldsPacker:
+    """Return what packs the inputs of one arm, tick after tick."""
+    return FieldsPacker(Inputs, {Settings: FieldsPacker(Settings)})
 
 
 # --- The last seconds of ticks: what went in as bytes, what came out, and now and then the memory
@@ -425,7 +394,7 @@ class FlightLog:
         self.taps: list[Callable[[KeptTick], None]] = []
         """Called with every row; without any, rows are not made."""
         self._wall_ns = wall_ns
-        self._packers = [InputsPacker() for _ in range(arms)]
+        self._packers = [inputs_packer() for _ in range(arms)]
         self._pack: Callable[[Any], bytes] = msgpack.Packer().pack
         self.lost = 0
         """Ticks that could not be recorded [1]."""

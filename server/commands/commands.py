@@ -729,7 +729,9 @@ class Commands:
         something is given in the axes of a frame. What is measured is still to come.
         """
         goals, wrench, command = self.goals, self.wrench, None
-        stick, jog, axes = self._stick.newest(now_s), self._jog.newest(now_s), None
+        stick, jog, axes = self._stick.newest(now_s), None, None
+        if self._jog.message is not None:
+            jog = self._jog.newest(now_s)
         if stick is not None or wrench.frame is not Frame.MRF:
             tree = self.frames.tree(T_world_mrf())
             if wrench.frame is not Frame.MRF:
@@ -758,7 +760,9 @@ class Commands:
 
     def by_joint(self, now_s: float) -> bool:
         """Return whether joints are commanded themselves: jogged, or led to a posture."""
-        return self.goals.posture is not None or self._jog.newest(now_s) is not None
+        if self.goals.posture is not None:
+            return True
+        return self._jog.message is not None and self._jog.newest(now_s) is not None
 
     def ground(self, now_s: float) -> str:
         """Return what motion is relative to: of the goal, else of the stick, else of the CRF."""
