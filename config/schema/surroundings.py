@@ -353,6 +353,13 @@ class CameraSection(Section):
         description="further tags on what carries it: any of them tells where `tag` is, all of "
         "them better",
     )
+    detector: str | None = Field(
+        None,
+        pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
+        max_length=200,
+        description="MODULE:NAME, on Python's path, of what finds corners instead of OpenCV's "
+        "detector of tags: the guide of cameras says how it is called",
+    )
     video_hz: float = Field(
         20.0,
         ge=1,

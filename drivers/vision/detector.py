@@ -7,8 +7,9 @@ proposes its poses, and all corners together decide.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...config.schema.section import PoseSection
 from ...config.schema.surroundings import CameraSection
+from ..device import DeviceError
 from .opencv import cv2, dictionary
 
 Picture = NDArray[np.uint8]
@@ -102,6 +104,54 @@ def _tag(size: float, place: PoseSection) -> _Tag:
     return _Tag(square, _rotation(*place.rpy), np.array(place.xyz))
 
 
+Find = Callable[[Picture], Mapping[int, Array]]
+"""Returns the corners (4, 2) [px] of each square that is seen once in a grey picture (h, w), by its
+id: clockwise from its upper left, pixel centres at whole numbers."""
+
+
+def tags_of(camera: CameraSection) -> Find:
+    """Return what finds a camera's family of tags."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.minMarkerPerimeterRate = PERIMETER_PX / max(camera.size)
+    aruco = cv2.aruco.ArucoDetector(dictionary(camera.family), parameters)
+
+    def find(picture: Picture) -> Mapping[int, Array]:
+        found, ids, _ = aruco.detectMarkers(picture)
+        seen = [] if ids is None else [int(i) for i in ids.ravel()]
+        # Of two of one id nobody can say which is meant.
+        return {
+            tag: np.asarray(found[i], dtype=float).reshape(4, 2)
+            for i, tag in enumerate(seen)
+            if seen.count(tag) == 1
+        }
+
+    return find
+
+
+def _others(camera: CameraSection) -> Find:
+    """Return what the cell names as its camera's detector. Raises `DeviceError`."""
+    where = f"camera {camera.name}: detector '{camera.detector}'"
+    module, _, name = str(camera.detector).partition(":")
+    try:
+        find: Find = getattr(import_module(module), name)(camera)
+    except Exception as error:
+        raise DeviceError(f"{where}: {type(error).__name__}: {error}") from error
+
+    def judged(picture: Picture) -> Mapping[int, Array]:
+        try:
+            seen = {int(i): np.asarray(each, dtype=float) for i, each in find(picture).items()}
+        except Exception as error:
+            raise DeviceError(f"{where}: {type(error).__name__}: {error}") from error
+        for tag, corners in seen.items():
+            if corners.shape != (4, 2) or not np.isfinite(corners).all():
+                shape = corners.shape
+                raise DeviceError(f"{where}: id {tag}: wants 4 finite corners (4, 2), not {shape}")
+        return seen
+
+    return judged
+
+
 class Detector:
     """Looks for the tag of one camera, and for those that its cell fixes to it."""
 
@@ -112,22 +162,13 @@ class Detector:
         cx, cy = camera.centre
         self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         self._distortion = np.array(camera.distortion)
-        parameters = cv2.aruco.DetectorParameters()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        parameters.minMarkerPerimeterRate = PERIMETER_PX / max(camera.size)
-        self._aruco = cv2.aruco.ArucoDetector(dictionary(camera.family), parameters)
+        self._find = tags_of(camera) if camera.detector is None else _others(camera)
 
     def look(self, picture: Picture) -> Detection:
         """Return what a picture, grey (h, w) or RGB (h, w, 3), shows of the tag."""
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-        found, ids, _ = self._aruco.detectMarkers(grey)
-        seen = [] if ids is None else [int(i) for i in ids.ravel()]
-        # Of two of one id nobody can say which is meant.
-        corners = {
-            tag: np.asarray(found[seen.index(tag)], dtype=float).reshape(4, 2)
-            for tag in self._tags
-            if seen.count(tag) == 1
-        }
+        seen = self._find(np.asarray(grey, dtype=np.uint8))
+        corners = {tag: seen[tag] for tag in self._tags if tag in seen}
         candidates = self._poses(corners)
         if not candidates:
             return NOTHING

@@ -1,5 +1,9 @@
 """Vision in virtual time, on rendered pictures; judged by the physics' truth."""
 
+import re
+import sys
+from types import ModuleType
+
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
@@ -9,12 +13,18 @@ from telerobot.tools.simulation.simulation import Simulation
 from telerobot.tools.soak import cli as sights
 
 from ...conftest import shared
+from ...test_pages import ROOT
 from ..conftest import Run
 
 pytestmark = pytest.mark.usefixtures("rendering")
 
+GUIDE = ROOT / "config/guides/camera.md"
+
 REACHED = (2e-3, np.radians(0.5))
 """Greatest distance and angle of the true Lens from the stored view [m], [rad]."""
+
+COARSE = (0.025, 0.05)
+"""The same by OpenCV's detector of QR codes, whose corners are 1 to 2 pixels off [m], [rad]."""
 
 STORE = [
     {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
@@ -254,4 +264,46 @@ def test_a_view_is_reached_by_another_tag_of_the_board_while_its_own_is_covered(
     metres, radians = errors(run)[-50:].max(axis=0)
     assert metres < 2.5 * REACHED[0]
     assert radians < 2.5 * REACHED[1]
+    assert run.events("view_lost") == []
+
+
+def qr_code(cells, cell_px):
+    """Return a QR code in place of a tag's cells, with one cell of white around it."""
+    import cv2
+
+    code = cv2.QRCodeEncoder.create().encode("telerobot")
+    dark = np.flatnonzero((code == 0).any(axis=0))
+    code = code[dark[0] : dark[-1] + 1, dark[0] : dark[-1] + 1]
+    side = cells * cell_px
+    big = cv2.resize(code, (side, side), interpolation=cv2.INTER_NEAREST)
+    return np.pad(big, cell_px, constant_values=255)
+
+
+def test_a_detector_that_is_not_ours_leads_the_arm_to_the_view_of_a_qr_code(
+    play, cell, monkeypatch
+):
+    """The detector of the guide, by its hook; what hangs on the panel is a QR code."""
+    from telerobot.drivers.rig.physics import camera
+    from telerobot.drivers.vision.opencv import cells
+
+    source = re.search(r"```python\n(.*?)```", GUIDE.read_text(), re.DOTALL).group(1)
+    module = ModuleType("my_squares")
+    exec(source, module.__dict__)
+    monkeypatch.setitem(sys.modules, "my_squares", module)
+    monkeypatch.setattr(camera, "marker", lambda family, _tag, px: qr_code(cells(family), px))
+    changes = {"cameras.0.detector": "my_squares:QrCode", "sources.vision.enabled": False}
+    run = play(
+        *STORE[:2],
+        {"at_s": 2.5, "cmd/position": {"xyz": [-0.08, 0.06, 0.03], "rpy": [0.0, 0.1, -0.2],
+         "relative_to": "mrf", "expressed_in": "base", "speed": 0.15}},
+        {"at_s": 4.3, "cmd/cancel": {}},
+        {"at_s": 4.5, "operator/switch": {"source": "vision", "on": True}},
+        seconds=11.0,
+        cell=altered(cell, changes),
+    )  # fmt: skip
+    clean(run)
+    assert errors(run, 4.3, 4.5)[:, 0].min() > 0.08
+    metres, radians = errors(run)[-100:].max(axis=0)
+    assert metres < COARSE[0]
+    assert radians < COARSE[1]
     assert run.events("view_lost") == []
