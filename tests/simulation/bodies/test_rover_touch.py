@@ -201,7 +201,7 @@ def test_free_motion_of_base_and_arm_is_no_push() -> None:
     felt, bound = [], np.array(run.cell.config.touch.torque)
 
     def look(_run: Simulation) -> None:
-        state = run.cycle.units.each[0].perception.collisions
+        state = run.cycle.units.each[0].perception.collisions.release
         if state.pushed is not None:
             felt.append(np.abs(state.pushed.external) - state.pushed.excused)
 
