@@ -152,8 +152,9 @@ class PressGuide:
     # --- from step to step -------------------------------------------------------------------
 
     def _run(self, state: State, task: TaskState) -> None:
-        if state.mode != "enabled":
-            self._end(self.failure or f"mode became {state.mode}")
+        if state.mode != "enabled" and self._step is not _Step.RESTORE:
+            self.failure = self.failure or f"mode became {state.mode}"
+            self._restore()
             return
         match self._step:
             case _Step.SET_OUT:
@@ -401,7 +402,7 @@ class PressGuide:
     def _on_reply(self, reply: requests.Reply) -> None:
         self._replies -= 1
         if not reply.ok and not self.over:
-            self._end(f"{reply.reason}: {reply.detail}")
+            self._end(self.failure or f"{reply.reason}: {reply.detail}")
 
     # --- the end -----------------------------------------------------------------------------
 
@@ -422,12 +423,13 @@ class PressGuide:
             return
         if late:
             self.failure = self.failure or "the tool does not come back to where it set out"
-        self._ask(t.CANCEL)
         self._restore()
-        self._step = _Step.RESTORE
 
     def _restore(self) -> None:
+        """Leave the task as it was, wherever the arm is: an operator may go on at once."""
+        self._step = _Step.RESTORE
         if self._before is not None:
+            self._ask(t.CANCEL)
             self._request(t.GAIN, source="force", gain=self._before.gains["force"])
             if not self._before.on["force"]:
                 self._request(t.SWITCH, source="force", on=False)

@@ -182,6 +182,18 @@ def test_what_is_wrong_is_named_in_one_line(pa10, spoil, words):
     assert "\n" not in str(told.value)
 
 
+def test_gains_are_as_before_where_a_stop_ends_it_in_the_middle():
+    arm = Arm()
+    arm.go(60.0, until=lambda: len(arm.guide.steady) == 2)
+    before = arm.guide._before.gains["force"][2]
+    assert arm.gains[-1] != before
+    arm.state["mode"] = "hold"
+    arm.go(1.0)
+    assert arm.guide.over
+    assert arm.guide.failure == "mode became hold"
+    assert arm.gains[-1] == before
+
+
 def test_contact_that_is_lost_while_pressing_is_named():
     arm = Arm()
     arm.go(60.0, until=lambda: len(arm.guide.steady) == 2)
