@@ -423,13 +423,13 @@ class PressGuide:
             return
         if late:
             self.failure = self.failure or "the tool does not come back to where it set out"
+        self._ask(t.CANCEL)
         self._restore()
 
     def _restore(self) -> None:
         """Leave the task as it was, wherever the arm is: an operator may go on at once."""
         self._step = _Step.RESTORE
         if self._before is not None:
-            self._ask(t.CANCEL)
             self._request(t.GAIN, source="force", gain=self._before.gains["force"])
             if not self._before.on["force"]:
                 self._request(t.SWITCH, source="force", on=False)
