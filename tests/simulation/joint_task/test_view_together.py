@@ -27,6 +27,15 @@ T_world_tag = {{ xyz = [0.70, {y}, 0.12] }}
 tag = 7
 size = 0.1
 """
+SEES_NOTHING = """
+[[tasks]]
+name = "grope"
+by = ["right"]
+[[tasks.cameras]]
+name = "hand"
+T_wrist_lens = { xyz = [-0.15, 0.0, 0.0] }
+tag = 9
+"""
 AWAY = {"twist": [-0.06, 0.04, 0.0, 0.0, 0.0, 0.05], "expressed_in": "world"}
 END = {"left": 0.55, "right": -0.55}
 
@@ -35,12 +44,12 @@ END = {"left": 0.55, "right": -0.55}
 def cell_seen_by(tmp_path):
     """Return the pair without nodes, with a camera on one of its arms over a tag."""
 
-    def make(arm):
+    def make(arm, more=""):
         text = (HERE / "cells/pa10_pair.toml").read_text()
         text = text[: text.index("# Mouths")]
         text = "\n".join(line for line in text.splitlines() if not line.startswith("pegs"))
         path = tmp_path / "pair.toml"
-        path.write_text(text + LENS.format(arm=arm, y=END[arm]))
+        path.write_text(text + LENS.format(arm=arm, y=END[arm]) + more)
         return load_cell(path)
 
     return make
@@ -79,7 +88,7 @@ NODES_Y, NODES_Z = 0.013, 0.391
 
 
 def test_a_view_that_cannot_be_stored_leaves_the_one_of_before(play, cell_seen_by):
-    cell = cell_seen_by("left")
+    cell = cell_seen_by("left", SEES_NOTHING)
     run = play(
         {"at_s": 0.3, "operator/store_view": {"task": "beam", "camera": "wrist"}},
         {"at_s": 0.4, "operator/store_view": {"task": "beam", "camera": "hand"}},
@@ -88,6 +97,7 @@ def test_a_view_that_cannot_be_stored_leaves_the_one_of_before(play, cell_seen_b
         cell=cell,
     )
     assert len(run.summary["refused"]) == 1
+    assert "camera hand sees no tag now" in run.summary["refused"][0]
     assert run.states[-1].of("beam").view_error is not None
 
 
