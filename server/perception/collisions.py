@@ -11,7 +11,7 @@ from ...config.schema.mechanism import TouchSection
 from ..control.arm import Arm
 from ..control.hold import LOOKBACK_S, released, tool_released
 from ..control.inputs import Pushed
-from ..control.mechanism.model import Mechanism, dynamics_of
+from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.parameters import Parameters
 from ..control.scene import Moved
 from ..control.spatial import GRAVITY, Array, sizes
@@ -383,7 +383,7 @@ def _detector(
 ) -> CollisionDetector | None:
     if section is None:
         return None
-    dynamics = dynamics_of(mechanism, p.rotor_inertia, p.T_wrist_sensor)
+    dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
     bound = section.torque if len(section.torque) == p.n else section.torque * p.n
     return CollisionDetector(
         dynamics,

@@ -179,9 +179,8 @@ class CollisionDetector:
         dq = (before_s * rate + step_s * rate_before) / (step_s + before_s)
         ddq = 2.0 * (rate - rate_before) / (step_s + before_s)
         still = np.zeros(len(q))
-        needed, resting = self.dynamics.torque(q1, dq, ddq), self.dynamics.torque(q1, dq, still)
+        needed, J = self.dynamics.needed(q1, dq, ddq)
         if load is not None and state.load is not None:
-            J = self.dynamics.sensor_jacobian(q1)
             until = _part_until_then(state.load, load, step_s)
             carried, dying = (J, state.load.wrench, load.wrench, load.jump), self._dying
         else:
@@ -192,7 +191,7 @@ class CollisionDetector:
             before = state.external, state.excused, state.chatter
         external, excused, chatter = felt = np.empty((3, len(q)))
         beyond = _feel(
-            (needed, resting, dq, tau, state.tau),
+            (needed, dq, tau, state.tau),
             (*carried, until),
             (0.0, 0.0, 0.0) if doubt is None else doubt[:],
             before,
@@ -229,7 +228,7 @@ def _part_until_then(before: SensorLoad, now: SensorLoad, step_s: float) -> floa
 
 
 @compiled(
-    record(*5 * (VECTOR,)), record(MATRIX, *3 * (VECTOR,), NUMBER), record(*3 * (NUMBER,)),
+    record(MATRIX, *3 * (VECTOR,)), record(MATRIX, *3 * (VECTOR,), NUMBER), record(*3 * (NUMBER,)),
     record(*3 * (VECTOR,)), record(VECTOR, VECTOR, *3 * (NUMBER,)), TABLE,
 )  # fmt: skip
 def _feel(
@@ -242,12 +241,13 @@ def _feel(
 ) -> bool:
     """Write external torque, what is excused and chatter (3, n) [N·m]; return whether any is felt.
 
-    `motion` is the torques (n,) that it needs, and needs without acceleration, its rates, and the
-    drives' torques now and before; `carried` the Jacobian (6, n) of a load, the load one tick ago
-    and now, its jump (6,), and which part of its change was over; `doubt` that of the load;
-    `before` the same as `felt`, one tick ago; `known` friction and bound (n,) and three parts.
+    `motion` is the torques (2, n) that it needs, and needs without acceleration, its rates (n,),
+    and the drives' torques now and before; `carried` the Jacobian (6, n) of a load, the load one
+    tick ago and now, its jump (6,), and which part of its change was over; `doubt` that of the
+    load; `before` the same as `felt`, one tick ago; `known` friction and bound (n,) and three
+    parts.
     """
-    needed, resting, dq, tau, tau_before = motion
+    needed, dq, tau, tau_before = motion
     J, load_before, load, jump, until = carried
     off_n, off_nm, angle = doubt
     friction, bound, part, smoothing, dying = known
@@ -256,11 +256,11 @@ def _feel(
     moment = math.sqrt(load[3] * load[3] + load[4] * load[4] + load[5] * load[5])
     jumped = math.sqrt(jump[0] * jump[0] + jump[1] * jump[1] + jump[2] * jump[2]) > NOISE
     found = False
-    for j in range(len(needed)):
+    for j in range(len(dq)):
         certain = min(max(dq[j] / SLOW, -1.0), 1.0)
         # A drive reports the mean of the period before: two of them lie about the instant of q̈.
-        external = needed[j] + friction[j] * certain - 0.5 * (tau[j] + tau_before[j])
-        excused = part * abs(needed[j] - resting[j]) + friction[j] * (1.0 - abs(certain))
+        external = needed[0, j] + friction[j] * certain - 0.5 * (tau[j] + tau_before[j])
+        excused = part * abs(needed[0, j] - needed[1, j]) + friction[j] * (1.0 - abs(certain))
         pushed = changed = shaken = 0.0
         arm_m = arm_1 = 0.0
         for i in range(6):

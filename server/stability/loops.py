@@ -11,7 +11,8 @@ import numpy as np
 from ...config.consistency import REQUIRED_POSTURES
 from ...config.load import Cell
 from ...config.schema.mechanism import TorqueSection
-from ..control.mechanism.model import Dynamics, Mechanism, at_mrf
+from ..control.forest import at_mrf
+from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.mechanism.wrench import INERTIA_PERIODS, MEAN_PERIODS
 from ..control.spatial import Array, Pose
 from ..control.task.following import smoothing_s

@@ -9,7 +9,8 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.mechanism import DifferentialBaseSection, SweepSection
 from ...config.schema.surroundings import ContourReflexSection, ScannerSection
-from ...server.control.proximity.capsules import Capsules, Forest
+from ...server.control.forest import Forest
+from ...server.control.proximity.capsules import Capsules
 from ...server.control.scene import Flags
 from ...server.control.spatial import Array, Pose
 from ...server.control.wheels import DifferentialDrive

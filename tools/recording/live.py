@@ -24,7 +24,7 @@ from ...protocols.messages.messages import Message
 from ...protocols.messages.perception import ScanPoints
 from ...protocols.messages.telemetry import Event, RecordedTick, State
 from ...protocols.topics import Role
-from ...server.control.proximity.capsules import Forest
+from ...server.control.forest import Forest
 from ...server.control.spatial import Pose
 from ..host.address import cell_from
 from ..host.local_plant import until_told
@@ -93,7 +93,8 @@ class Viewer:
         """Build it. Raises `ConfigError` where the schemas are missing."""
         require_schemas()
         self._cell = cell
-        self._branches = Forest(cell).branches
+        forest = Forest(cell)
+        self._branches = list(zip(forest.branches, forest.bases, strict=True))
 
     def of_state(self, state: State, stamp_ns: int) -> Iterator[tuple[str, Any]]:
         """Yield topic and message of a state: joints and frames."""
@@ -158,11 +159,11 @@ class Viewer:
         from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
         found, first, base = [], 0, state.frames.get("base")
-        for branch in self._branches:
+        for branch, standing in self._branches:
             q = np.array(state.q[first : first + branch.n])
             first += branch.n
             # Only the Base of an only arm moves.
-            T_world_base = branch.T_world_base if base is None else _pose(base)
+            T_world_base = standing if base is None else _pose(base)
             for name, T in branch.links(q).items():
                 found.append((f"{branch.prefix}{name}", T_world_base @ T))
         found.append(("MRF", _pose(state.pose_mrf_measured)))

@@ -18,9 +18,9 @@ from ..compiled import (
     inner_kernel,
     record,
 )
-from ..proximity.capsules import Branch
+from ..forest import Branch
 from ..scene import Flags
-from ..spatial import Array
+from ..spatial import Array, Pose
 
 # --- Joints of a chain that follow a curve: nonlinear least squares in O(n), by recursion ---------
 #
@@ -259,14 +259,15 @@ class Chain:
     @classmethod
     def from_cell(cls, cell: Cell) -> Self:
         """Take that of a cell's only mechanism. Raises `ConfigError` for one that is no chain."""
-        m, branch = cell.config.mechanism, Branch(cell, 0, 0)
+        m, branch = cell.config.mechanism, Branch.of(cell)
         body, T = branch.body_of(m.tip_link)
         serial = np.array_equal(branch.tree.parent, np.arange(-1, branch.n - 1))
         if body != branch.n or not serial or branch.tree.prismatic.any():
             raise ConfigError(
                 f"{cell.path}: mechanism.backbone: a serial chain of revolute joints is needed"
             )
-        root = np.column_stack((branch.T_world_base.R, branch.T_world_base.p))
+        base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
+        root = np.column_stack((base.R, base.p))
         tree, counts = branch.tree, np.ones(branch.n, dtype=bool)
         return cls(Links(root, tree.parts, tree.axis, T.p, counts), branch.n)
 

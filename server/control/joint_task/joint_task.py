@@ -13,14 +13,13 @@ from ..arm import Arm, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
 from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
+from ..forest import Forest, at_mrf
 from ..grasps.held import GraspState, GraspStatus
 from ..grasps.views import apart, mean_of
 from ..inputs import UNASKED, Inputs, Intent
 from ..joints import parts_of
-from ..mechanism.model import at_mrf
 from ..mechanism.self_motion import IDLE
 from ..mechanism.wrench import WristMemory
-from ..proximity.capsules import Forest
 from ..scene import Index
 from ..spatial import Array, Kinematics, Pose, rotate_twist
 from ..state import ArmMemory, Memory, Output

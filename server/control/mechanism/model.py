@@ -1,4 +1,4 @@
-"""A kinematic chain: forward kinematics, Jacobian, inertia and gravity, by Pinocchio."""
+"""A kinematic chain: forward kinematics, Jacobian, inertia and gravity."""
 
 import math
 from typing import NamedTuple
@@ -8,15 +8,16 @@ import pinocchio as pin
 
 from ....config.errors import ConfigError
 from ....config.load import Cell
-from ..compiled import MATRIX, ROW, TABLE, VECTOR, compiled
+from ..forest import Branch, Masses, Tip, kinematics, needed
 from ..spatial import GRAVITY, Array, Kinematics, Pose, jacobian_at
 from ..wheels import DifferentialDrive
 from .arm_angle import ArmAngle
 
-# --- A kinematic chain: forward kinematics and Jacobian of the MRF, by Pinocchio ------------------
+# --- A kinematic chain: forward kinematics and Jacobian of the MRF --------------------------------
 
 _POSTURES = 12
 """So many are tried to find the axes that a chain reaches [1]."""
+_HERE = Pose.identity()
 _REACHED = 1e-6
 """An axis is reached where its singular value is above this part of the greatest [1]."""
 
@@ -55,10 +56,16 @@ class Mechanism:
         self._data = model.createData()
         self.tip = model.getFrameId(tip_link, pin.FrameType.BODY)
         self.rolling = rolling
-        self._base_is_world = bool(
-            np.array_equal(T_world_base.R, np.eye(3)) and not T_world_base.p.any()
-        )
-        self._align = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        branch = Branch(full, joints, rolling)
+        body, T_body_wrist = branch.body_of(tip_link)
+        moves, joint = np.zeros(self.n, dtype=np.bool_), body - 1
+        while joint >= 0:
+            moves[joint], joint = True, int(branch.tree.parent[joint])
+        self.tree, self.arm_tip = branch.tree, Tip(body, *T_body_wrist, moves)
+        """The Wrist as the arm's joints move it, on a base that stands."""
+        moves = moves.copy()
+        moves[: 0 if rolling is None else 2] = True
+        self._tip = self.arm_tip._replace(moves=moves)
         self.arm_rank = self._reached(alone=True) if rolling is not None else 0
         """The same of the arm alone, on a base that rolls [1]."""
         self.rank = self._reached()
@@ -97,28 +104,19 @@ class Mechanism:
 
         `T_world_base` is where a Base that moves is now; None: where the cell has it.
         """
-        return at_mrf(*self.wrist(q, T_world_base), T_wrist_mrf)
+        return kinematics(self.tree, self._tip, q, T_world_base or self.T_world_base, T_wrist_mrf)
 
     def wrist(self, q: Array, T_world_base: Pose | None = None) -> tuple[Pose, Array]:
         """Return T_world_wrist at joint angles q (n,) [rad], and the Wrist's Jacobian (6, n).
 
         The twist is the Wrist's, World axes; `T_world_base` as for `kinematics`.
         """
-        J = pin.computeFrameJacobian(self.model, self._data, q, self.tip, self._align)
-        T_world_wrist = self._placed(self._data.oMf[self.tip], T_world_base)
-        if T_world_base is not None or not self._base_is_world:
-            turn = self.T_world_base.R if T_world_base is None else T_world_base.R
-            J = np.matmul(turn, J.reshape(2, 3, self.n)).reshape(6, self.n)
-        if self.rolling is not None:
-            J = J.copy()
-            J[:, :2] = self.rolling.columns(T_world_base or self.T_world_base, T_world_wrist.p)
-        return T_world_wrist, J
+        k = self.kinematics(q, _HERE, T_world_base)
+        return k.T_world_wrist, k.J
 
     def pose_wrist(self, q: Array, T_world_base: Pose | None = None) -> Pose:
-        """Return T_world_wrist at joint angles q (n,) [rad], without a Jacobian."""
-        pin.forwardKinematics(self.model, self._data, q)
-        placement = pin.updateFramePlacement(self.model, self._data, self.tip)
-        return self._placed(placement, T_world_base)
+        """Return T_world_wrist at joint angles q (n,) [rad]."""
+        return self.kinematics(q, _HERE, T_world_base).T_world_wrist
 
     def mass_matrix(self, q: Array) -> Array:
         """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
@@ -138,14 +136,12 @@ class Mechanism:
 
     def _samples(self, alone: bool) -> list[Array]:
         """Return Jacobians of the Wrist at some postures, (6, n), in its own axes."""
+        tip = self.arm_tip if alone else self._tip
         draw, found = np.random.default_rng(0), []
         for _ in range(_POSTURES):
             q = draw.uniform(-math.pi, math.pi, self.n)
-            J = pin.computeFrameJacobian(self.model, self._data, q, self.tip)
-            if self.rolling is not None and not alone:
-                k = self.kinematics(q, Pose.identity(), Pose.identity())
-                J = _turned(k.T_world_wrist.R.T, k.J)
-            found.append(np.array(J))
+            k = kinematics(self.tree, tip, q, _HERE, _HERE)
+            found.append(_turned(k.T_world_wrist.R.T, k.J))
         return found
 
     def held_ranks(self, held: Array, T_wrist_mrf: Pose) -> tuple[int, int]:
@@ -172,14 +168,6 @@ class Mechanism:
             most = max(most, _rank(J[held], float(np.linalg.norm(J))))
         return most
 
-    def _placed(self, placement: "pin.SE3", T_world_base: Pose | None) -> Pose:
-        """Return a placement in Base as a pose in World."""
-        # Pinocchio hands out views of its own memory, which the next call writes over.
-        pose = Pose(placement.rotation.copy(), placement.translation.copy())
-        if T_world_base is not None:
-            return T_world_base @ pose
-        return pose if self._base_is_world else self.T_world_base @ pose
-
 
 def _rank(J: Array, size: float = 0.0) -> int:
     """Return the rank of a Jacobian (m, n), or of its rows where the whole is of a `size`."""
@@ -190,13 +178,6 @@ def _rank(J: Array, size: float = 0.0) -> int:
 def _turned(R: Array, J: Array) -> Array:
     """Return a Jacobian (6, n) in axes to which R (3, 3) turns its own."""
     return np.asarray(np.matmul(R, J.reshape(2, 3, -1)).reshape(J.shape))
-
-
-def at_mrf(T_world_wrist: Pose, J_wrist: Array, T_wrist_mrf: Pose) -> Kinematics:
-    """Return the kinematics of a Wrist at a pose, whose Jacobian is (6, n), with its MRF."""
-    T_world_mrf, J = Pose(np.zeros((3, 3)), np.empty(3)), np.empty(J_wrist.shape)
-    _move_to_mrf(J_wrist, *T_world_wrist, *T_wrist_mrf, *T_world_mrf, J)
-    return Kinematics(T_world_wrist, T_world_mrf, J)
 
 
 def _reordered(model: "pin.Model", joints: tuple[str, ...]) -> "pin.Model":
@@ -221,41 +202,9 @@ def _reordered(model: "pin.Model", joints: tuple[str, ...]) -> "pin.Model":
     return found
 
 
-@compiled(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, TABLE, ROW, TABLE)
-def _move_to_mrf(
-    J: Array,
-    R: Array,
-    p: Array,
-    R_wrist_mrf: Array,
-    p_wrist_mrf: Array,
-    R_mrf: Array,
-    p_mrf: Array,
-    out: Array,
-) -> None:
-    """Write the MRF's placement, and its Jacobian from the Wrist's, whose placement is R, p.
-
-    v_mrf = v_wrist + ω × lever: Williams 1997, the first half of eq. 1 read backwards. `R_mrf` is
-    zeros before.
-    """
-    lever = np.zeros(3)
-    for i in range(3):
-        for k in range(3):
-            lever[i] += R[i, k] * p_wrist_mrf[k]
-            for j in range(3):
-                R_mrf[i, j] += R[i, k] * R_wrist_mrf[k, j]
-        p_mrf[i] = p[i] + lever[i]
-    x, y, z = lever[0], lever[1], lever[2]
-    for j in range(J.shape[1]):
-        wx, wy, wz = J[3, j], J[4, j], J[5, j]
-        out[0, j] = J[0, j] + wy * z - wz * y
-        out[1, j] = J[1, j] + wz * x - wx * z
-        out[2, j] = J[2, j] + wx * y - wy * x
-        out[3, j], out[4, j], out[5, j] = wx, wy, wz
-
-
 # --- The arm's dynamics: inertia, gravity and what a motion needs ---------------------------------
 #
-# By Pinocchio: the URDF's inertias, plus the drives' rotors at the joints.
+# Of the URDF's inertias, plus the drives' rotors at the joints.
 
 
 class Terms(NamedTuple):
@@ -274,6 +223,9 @@ class Terms(NamedTuple):
 
 class Dynamics:
     """The dynamics of one mechanism with rotors of `rotor_inertia` (n,) [kg·m²].
+
+    Wheels that the first two joints are carry all that they move: the base's motion and the arm's
+    need a force ahead and a moment about its axis, of which each wheel has its part.
 
     A calculator as the mechanism is: its answers depend on the arguments of the call, and on what
     it was last told to `carry`, and how things `fall`. Until then links that the URDF fixes to the
@@ -300,7 +252,10 @@ class Dynamics:
         self._told: tuple[float, Array] | None = None
         """What `carry` was told last."""
         self._T_joint_sensor = T_joint_wrist @ T_wrist_sensor
-        self._to_sensor = pin.SE3(T_wrist_sensor.R, T_wrist_sensor.p).inverse().action
+        self._masses, self._falls = _masses(mechanism, rotor_inertia), R.T @ GRAVITY
+        at = mechanism.arm_tip
+        T_body_sensor = Pose(at.R, at.p) @ T_wrist_sensor
+        self._sensor = at._replace(R=T_body_sensor.R, p=T_body_sensor.p)
         tool = _tool(self._model, self._tip)
         self._bare = self._model.inertias[self._joint].toDynamicParameters() - tool
 
@@ -315,19 +270,25 @@ class Dynamics:
         self.carried = (mass, self._T_wrist_sensor.R @ com + self._T_wrist_sensor.p)
         com = self._T_joint_sensor.R @ com + self._T_joint_sensor.p
         inertia = self._bare + _point(mass, com)
-        self._hang(pin.Inertia.FromDynamicParameters(inertia))
-
-    def _hang(self, inertia: "pin.Inertia") -> None:
-        """Give the last link's inertia with what it carries to the model."""
-        self._model.inertias[self._joint] = inertia
+        self._model.inertias[self._joint] = pin.Inertia.FromDynamicParameters(inertia)
+        self._masses.hang(self._joint, self._model.inertias[self._joint])
 
     def fall(self, free_fall: Array) -> None:
         """Say how things fall (3,) [m/s²], in Base axes: gravity, less how Base accelerates."""
-        self._model.gravity.linear = free_fall
+        self._model.gravity.linear = self._falls = free_fall
+
+    def needed(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+        """Return the torques (2, n) [N·m] of a motion, and the Sensor's Jacobian (6, n).
+
+        The first row is that of q, q̇ and q̈ (n,), the second without q̈; no contact and friction.
+        The Jacobian is at the Sensor's origin and in its own axes, of a Base that stands.
+        """
+        motion = q, dq, ddq
+        return needed(self.mechanism.tree, self._sensor, self._masses, self._falls, motion)
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the joint torques (n,) [N·m] of a motion without contact and friction."""
-        return np.array(pin.rnea(self._model, self._data, q, dq, ddq))
+        return np.asarray(self.needed(q, dq, ddq)[0][0])
 
     def terms(self, q: Array, dq: Array) -> Terms:
         """Return the terms at q (n,) [rad], dq (n,) [rad/s]."""
@@ -352,13 +313,6 @@ class Dynamics:
         slope = pin.computeGeneralizedGravityDerivatives(self._model, self._data, q)
         return self._data.g.copy(), np.array(slope)
 
-    def sensor_jacobian(self, q: Array) -> Array:
-        """Return the Jacobian (6, n) of the Sensor frame, at its origin and in its own axes."""
-        axes = pin.ReferenceFrame.LOCAL
-        return np.asarray(
-            self._to_sensor @ pin.computeFrameJacobian(self._model, self._data, q, self._tip, axes)
-        )
-
     def bias(self, q: Array, dq: Array) -> Array:
         """Return h (n,) [N·m]: the torque that keeps the joints from accelerating."""
         return np.array(pin.nonLinearEffects(self._model, self._data, q, dq))
@@ -377,75 +331,20 @@ class Dynamics:
         return self.mechanism.kinematics(q, T_wrist_mrf)
 
 
-class RollingDynamics(Dynamics):
-    """The dynamics of an arm on a base with two driven wheels, which carry all that they move.
-
-    As wheels turn, the base moves: what its motion and the arm's need is a force ahead and a moment
-    about its axis, of which each wheel has its part. Wheels hold across; they are taken to roll.
-    """
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        rolling: DifferentialDrive,
-        rotor_inertia: Array,
-        T_sensor: Pose | None,
-    ) -> None:
-        super().__init__(mechanism, rotor_inertia, T_sensor)
-        self._rolling = rolling
-        self._moving = _on_a_plane(self._model)
-        self._moving_data = self._moving.createData()
-
-    def _hang(self, inertia: "pin.Inertia") -> None:
-        super()._hang(inertia)
-        self._moving.inertias[self._joint + 1] = inertia
-
-    def fall(self, free_fall: Array) -> None:
-        """Say how things fall (3,) [m/s²], in Base axes, but for how its wheels move Base."""
-        super().fall(free_fall)
-        self._moving.gravity.linear = free_fall
-
-    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the torques (n,) [N·m] of a motion without contact and friction, wheels first."""
-        v, w = self._rolling.driven(dq[:2])
-        a, alpha = self._rolling.driven(ddq[:2])
-        # Ahead, across, about: at Base's origin, midway between the wheels, in its own axes.
-        base = np.array([[0.0, 0.0, 1.0, 0.0], [v, 0.0, w, 0.0], [a, 0.0, alpha, 0.0]])
-        needed = pin.rnea(
-            self._moving,
-            self._moving_data,
-            np.concatenate((base[0], q)),
-            np.concatenate((base[1, :3], dq)),
-            np.concatenate((base[2, :3], ddq)),
-        )
-        ahead, about = 0.5 * self._rolling.radius * needed[0], self._rolling.turn * needed[2]
-        found = np.array(needed[3:])
-        found[0] += ahead - about
-        found[1] += ahead + about
-        return found
-
-
-def dynamics_of(
-    mechanism: Mechanism, rotor_inertia: Array, T_wrist_sensor: Pose | None = None
-) -> Dynamics:
-    """Return the dynamics of a mechanism, with its base where that rolls."""
-    if mechanism.rolling is None:
-        return Dynamics(mechanism, rotor_inertia, T_wrist_sensor)
-    return RollingDynamics(mechanism, mechanism.rolling, rotor_inertia, T_wrist_sensor)
-
-
-def _on_a_plane(model: "pin.Model") -> "pin.Model":
-    """Return a model whose root link slides and turns on a plane: that joint comes first."""
-    found, armature = pin.Model(), np.concatenate((np.zeros(3), model.armature))
-    root = found.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "plane")
-    found.appendBodyToJoint(root, model.inertias[0], pin.SE3.Identity())
-    for j in range(1, model.njoints):
-        place = found.addJoint(
-            model.parents[j] + 1, model.joints[j], model.jointPlacements[j], model.names[j]
-        )
-        found.appendBodyToJoint(place, model.inertias[j], pin.SE3.Identity())
-    found.armature = armature
-    found.gravity.linear = model.gravity.linear
+def _masses(mechanism: Mechanism, rotor_inertia: Array) -> Masses:
+    """Return what a mechanism's joints move; wheels are on Base, and turn in their own places."""
+    n, model, wheels = mechanism.n, mechanism.model, 0 if mechanism.rolling is None else 2
+    found = Masses(
+        np.zeros(1 + n), np.zeros((1 + n, 3)), np.zeros((1 + n, 3, 3)), rotor_inertia.copy(), wheels
+    )
+    root, data = model.inertias[0], model.createData()
+    for j in range(1, 1 + wheels):
+        axis = pin.computeJointJacobian(model, data, pin.neutral(model), j)[3:, j - 1]
+        root += model.jointPlacements[j].act(model.inertias[j])
+        found.rotor[j - 1] += float(axis @ model.inertias[j].matrix()[3:, 3:] @ axis)
+    found.hang(0, root)
+    for j in range(1 + wheels, 1 + n):
+        found.hang(j, model.inertias[j])
     return found
 
 

@@ -1,7 +1,6 @@
-"""The arm as capsules on a forest of joints: fitted, placed, differentiated; their travel."""
+"""The arm as capsules on a forest of joints: fitted, placed; how far they travel."""
 
 import math
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,9 +9,6 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import (
-    ARRAY3,
-    ARRAY4,
-    BLOCK,
     COUNTS,
     FLAGS,
     FLAGS2,
@@ -20,324 +16,14 @@ from ..compiled import (
     MATRIX,
     NUMBER,
     ROW,
-    STACK,
     TABLE,
     VECTOR,
     compiled,
 )
+from ..forest import Branch, Forest
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
-from ..wheels import DifferentialDrive, Rolled
-from .distance import PAIRS, PLACED, ROOTS, TREE, Pairs, PlacedArrays, Roots, TreeArrays
-
-# --- Forward kinematics of a forest of joints at several postures: frames, axes and segments at
-# once
-#
-# A joint's frame in its parent's is a constant plus two constants times functions of its angle
-# (Rodrigues). A parent is a joint before it, or a root, whose pose in World the caller gives.
-
-
-def frames_at(tree: TreeArrays, q: Array, roots: Roots) -> Array:
-    """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
-    found = np.empty((*q.shape, 3, 4))
-    _frame(tree, q, roots, found)
-    return found
-
-
-@compiled(TREE, MATRIX, ROOTS, BLOCK)
-def _frame(tree: TreeArrays, q: Array, roots: Roots, found: Array) -> None:
-    (parents, prismatic, parts, _), (R, p) = tree, roots
-    postures, n = q.shape
-    step = np.empty((3, 4))
-    for s in range(postures):
-        instant = min(s, len(p) - 1)
-        for i in range(n):
-            sine, cosine = q[s, i], 0.0
-            if not prismatic[i]:
-                sine, cosine = math.sin(q[s, i]), 1.0 - math.cos(q[s, i])
-            for row in range(3):
-                for k in range(4):
-                    step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
-                    step[row, k] += cosine * parts[i, 2, row, k]
-            parent, root = parents[i], -1 - parents[i]
-            for row in range(3):
-                if parent >= 0:
-                    x, y = found[s, parent, row, 0], found[s, parent, row, 1]
-                    z, place = found[s, parent, row, 2], found[s, parent, row, 3]
-                else:
-                    x, y = R[instant, root, row, 0], R[instant, root, row, 1]
-                    z, place = R[instant, root, row, 2], p[instant, root, row]
-                for k in range(4):
-                    found[s, i, row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
-                found[s, i, row, 3] += place
-
-
-def axes_at(frames: Array, axis: Array) -> Array:
-    """Return axes (n, 3), given in frames (s, n, 3, 4), in World (s, n, 3)."""
-    found = np.empty((len(frames), len(axis), 3))
-    _turn(frames, axis, found)
-    return found
-
-
-@compiled(ARRAY4, MATRIX, STACK)
-def _turn(frames: Array, axis: Array, found: Array) -> None:
-    for s in range(len(frames)):
-        for j in range(len(axis)):
-            x, y, z = axis[j]
-            for i in range(3):
-                found[s, j, i] = (
-                    frames[s, j, i, 0] * x + frames[s, j, i, 1] * y + frames[s, j, i, 2] * z
-                )
-
-
-def placed_at(
-    tree: TreeArrays, q: Array, roots: Roots, body: Index, segments: Array
-) -> tuple[Array, Array, Array]:
-    """Return segments (c, 2, 3), fixed to bodies (c,), in World (s, c, 2, 3) [m].
-
-    And the joints' frames, as `frames_at` has them, and their axes (s, n, 3).
-    """
-    postures, n = q.shape
-    ends, frames = np.empty((postures, len(body), 2, 3)), np.empty((postures, n, 3, 4))
-    axes = np.empty((postures, n, 3))
-    _place(tree, q, roots, body, segments, ends, frames, axes)
-    return ends, frames, axes
-
-
-@compiled(TREE, MATRIX, ROOTS, INDEX, ARRAY3, BLOCK, BLOCK, STACK)
-def _place(
-    tree: TreeArrays,
-    q: Array,
-    roots: Roots,
-    body: Index,
-    segments: Array,
-    ends: Array,
-    frames: Array,
-    axes: Array,
-) -> None:
-    _frame(tree, q, roots, frames)
-    _turn(frames, tree[3], axes)
-    (R, p), capsules = roots, len(body)
-    for s in range(len(frames)):
-        instant = min(s, len(p) - 1)
-        for c in range(capsules):
-            joint, root = body[c] - 1, -body[c]
-            for row in range(3):
-                if joint >= 0:
-                    x, y = frames[s, joint, row, 0], frames[s, joint, row, 1]
-                    z, place = frames[s, joint, row, 2], frames[s, joint, row, 3]
-                else:
-                    x, y = R[instant, root, row, 0], R[instant, root, row, 1]
-                    z, place = R[instant, root, row, 2], p[instant, root, row]
-                for e in range(2):
-                    way = x * segments[c, e, 0] + y * segments[c, e, 1] + z * segments[c, e, 2]
-                    ends[s, c, e, row] = way + place
-
-
-# --- The joints of a cell as a forest: a tree for each root, read from the URDF -------------------
-
-
-class Tree(NamedTuple):
-    """n joints, parents before children."""
-
-    parent: Index
-    """Of each joint (n,): the joint that carries it, or −1 − r where root r does."""
-    prismatic: Flags
-    """Which joints are prismatic (n,); the others turn."""
-    parts: Array
-    """Of each joint (n, 3, 3, 4): its frame in its parent's at zero, and what is added by functions
-    of its angle: times sin and 1 − cos, or times the way of a prismatic one and 0."""
-    axis: Array
-    """Axes (n, 3) in the joints' own frames."""
-
-    @staticmethod
-    def of_all(each: "Sequence[Tree]") -> "Tree":
-        """Return the trees of several mechanisms as one."""
-        return each[0] if len(each) == 1 else Tree(*map(np.concatenate, zip(*each, strict=True)))
-
-
-class Branch:
-    """The joints of one mechanism among those of the cell."""
-
-    def __init__(self, part: Cell, first: int, root: int) -> None:
-        """Read them from the URDF; those outside of the mechanism stand at zero.
-
-        `first` of all joints is its first, and `root` carries them.
-        """
-        self.model = model = pin.buildModelFromXML(part.robot.description())
-        self.prefix = part.prefix
-        self._data, self._first, self._root = model.createData(), first, root
-        pin.forwardKinematics(model, self._data, pin.neutral(model))
-        self._ids = [model.getJointId(joint.name) for joint in part.robot.joints]
-        self.n = len(self._ids)
-        self.rolling = DifferentialDrive.from_cell(part)
-        """The wheels that the root rolls on, its first two joints; None for one that stands."""
-        self.tree = self._tree()
-        base = part.config.mechanism.T_world_base
-        self.T_world_base = Pose.from_xyz_rpy(base.xyz, base.rpy)
-        far = [max(abs(joint.lower), abs(joint.upper)) for joint in part.robot.joints]
-        self.stroke = np.where(self.tree.prismatic, far, 0.0)
-
-    def body_of(self, link: str) -> tuple[int, Pose]:
-        """Return the body that a link of the URDF is part of, and the link's pose in it.
-
-        Raises `KeyError` for a link that the URDF does not have.
-        """
-        if not self.model.existFrame(link, pin.FrameType.BODY):
-            raise KeyError(link)
-        placed = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
-        return self.carried(placed.parentJoint, placed.placement)
-
-    def carried(self, joint: int, placement: "pin.SE3") -> tuple[int, Pose]:
-        """Return the body that carries a thing at a joint of the URDF, and its pose in the body."""
-        own = self._carrier(joint)
-        T = self._data.oMi[joint] * placement
-        if own:
-            T = self._data.oMi[self._ids[own - 1]].inverse() * T
-        return self._body(own), Pose(T.rotation.copy(), T.translation.copy())
-
-    def links(self, q: Array) -> dict[str, Pose]:
-        """Return the pose in Base of every link of the URDF at joints q (n,), wheels turned."""
-        data, way = self.model.createData(), np.zeros(self.model.nv)
-        way[[self.model.joints[j].idx_v for j in self._ids]] = q
-        whole = pin.integrate(self.model, pin.neutral(self.model), way)
-        pin.framesForwardKinematics(self.model, data, whole)
-        return {
-            frame.name: Pose(T.rotation, T.translation)
-            for frame, T in zip(self.model.frames, data.oMf, strict=True)
-            if frame.type == pin.FrameType.BODY
-        }
-
-    def _body(self, own: int) -> int:
-        """Return the number among all of a body that is counted from this mechanism's Base."""
-        return self._first + own if own else -self._root
-
-    def _carrier(self, joint: int) -> int:
-        """Return which of the own bodies carries a joint of the URDF, or is moved by it."""
-        supports = self.model.supports[joint].tolist()
-        # What is on a wheel is as good as on the root: it turns in its own place.
-        first = 0 if self.rolling is None else 2
-        return max((self._ids.index(j) + 1 for j in supports if j in self._ids[first:]), default=0)
-
-    def _tree(self) -> Tree:
-        """Read the tree of the joints; Base is their root."""
-        n, model, data = self.n, self.model, self._data
-        parents = np.empty(n, dtype=np.int64)
-        prismatic, parts, axes = np.zeros(n, dtype=bool), np.zeros((n, 3, 3, 4)), np.zeros((n, 3))
-        for i, j in enumerate(self._ids):
-            carrier = self._carrier(model.parents[j])
-            before = data.oMi[self._ids[carrier - 1]] if carrier else pin.SE3.Identity()
-            parents[i] = self._body(carrier) - 1
-            placement = (before.inverse() * data.oMi[j]).homogeneous
-            joint_data = model.joints[j].createData()
-            model.joints[j].calc(joint_data, np.zeros(1))
-            linear, angular = np.asarray(joint_data.S).reshape(2, 3)
-            prismatic[i] = bool(linear.any())
-            axes[i] = linear if prismatic[i] else angular
-            parts[i, 0] = placement[:3]
-            if prismatic[i]:
-                parts[i, 1, :, 3] = placement[:3, :3] @ linear
-            elif self.rolling is not None and i < 2:
-                # The wheel turns all that the root carries about the other one's place.
-                side = 1.0 if i else -1.0
-                parts[i, 0] = np.eye(3, 4)
-                parts[i, 0, 1, 3] = side * 0.5 * self.rolling.track
-                axes[i] = 0.0, 0.0, side * self.rolling.turn
-            else:
-                K = pin.skew(angular)
-                parts[i, 1, :, :3] = placement[:3, :3] @ K
-                parts[i, 2, :, :3] = placement[:3, :3] @ K @ K
-        return Tree(parents, prismatic, parts, axes)
-
-
-class Forest:
-    """Forward kinematics of a cell's n joints, for capsules and control points.
-
-    Bodies are numbered: joint j moves body j + 1; body −r is root r, the Base of mechanism r. The
-    tick's own Jacobian is `model.py`'s, whose rounding the shipped hashes hold.
-    """
-
-    def __init__(self, cell: Cell) -> None:
-        """Read the joints of every mechanism from its URDF, one after the other."""
-        self.branches: tuple[Branch, ...] = ()
-        """One for each mechanism."""
-        self.n = 0
-        for root, part in enumerate(cell.parts):
-            self.branches += (Branch(part, self.n, root),)
-            self.n += self.branches[-1].n
-        self.tree = Tree.of_all([branch.tree for branch in self.branches])
-        self.stroke = np.concatenate([branch.stroke for branch in self.branches])
-        """How far each prismatic joint may be out (n,) [m]; zero for the others."""
-        self._standing = _roots([branch.T_world_base for branch in self.branches])
-        self.rolling = self.branches[0].rolling if len(self.branches) == 1 else None
-        """The wheels that an only root rolls on."""
-        self.gear = None if self.rolling is None else np.ones(self.n)
-        """Angle of what a joint moves per angle of the joint (n,) [1]; None: 1 for all."""
-        roots = len(self.branches)
-        self._moves = np.zeros((roots + self.n, self.n), dtype=bool)
-        if self.gear is not None and self.rolling is not None:
-            self.gear[:2] = self.rolling.turn
-            self._moves[roots - 1, :2] = True
-        for j, parent in enumerate(self.tree.parent.tolist()):
-            self._moves[roots + j] = self._moves[roots + parent]
-            self._moves[roots + j, j] = True
-
-    def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
-        """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
-        return frames_at(self.tree[:], q, self._roots(T_world_base, q))
-
-    def axes(self, frames: Array) -> Array:
-        """Return the joints' axes (s, n, 3) in World, given their frames (s, n, 3, 4)."""
-        return axes_at(frames, self.tree.axis)
-
-    def placed(
-        self, q: Array, body: Index, segments: Array, T_world_base: Pose | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Return segments (c, 2, 3) on bodies (c,) at postures q (s, n), in World (s, c, 2, 3) [m].
-
-        With the joints' frames (s, n, 3, 4) and axes (s, n, 3).
-        """
-        return placed_at(self.tree[:], q, self._roots(T_world_base, q), body, segments)
-
-    def moves(self, body: Index) -> Flags:
-        """Return which joints move bodies (c,): (c, n)."""
-        return np.asarray(self._moves[len(self.branches) - 1 + body])
-
-    def root(self, body: int) -> int:
-        """Return the root that carries a body."""
-        while body > 0:
-            body = int(self.tree.parent[body - 1]) + 1
-        return -body
-
-    def body_of(self, link: str) -> tuple[int, Pose]:
-        """Return the body that a link is part of, and the link's pose in it.
-
-        With several mechanisms, `link` begins with the name of its own. Raises `KeyError` for a
-        link that there is not.
-        """
-        for branch in self.branches:
-            own = link.removeprefix(branch.prefix)
-            if link.startswith(branch.prefix) and branch.model.existFrame(own, pin.FrameType.BODY):
-                return branch.body_of(own)
-        raise KeyError(link)
-
-    def _roots(self, T_world_base: Pose | None, q: Array) -> Roots:
-        """Return where the roots are; `T_world_base` is that of an only Base, which moves.
-
-        One that rolls gets there as its wheels turn from one posture of q (s, n) to the next.
-        """
-        if T_world_base is None:
-            return self._standing
-        if self.rolling is None or not isinstance(T_world_base, Rolled):
-            return _roots([T_world_base])
-        R, p = self.rolling.places(T_world_base, q[:, :2])
-        return R[:, None], p[:, None]
-
-
-def _roots(poses: Sequence[Pose]) -> Roots:
-    """Return the poses of the roots, at all postures."""
-    return np.array([[T.R for T in poses]]), np.array([[T.p for T in poses]])
-
+from .distance import PAIRS, PLACED, Pairs, PlacedArrays
 
 # --- Bounds on the travel of links: by motions of the joints, and carried by a Base that moves ----
 
@@ -538,7 +224,7 @@ class Capsules:
         ]
         self._steps = np.array(steps) + forest.stroke
         """From each joint's origin to that of its parent, at most (n,) [m]."""
-        self._from_root = _length(origins - forest.branches[0].T_world_base.p)
+        self._from_root = _length(origins - forest.bases[0].p)
         """From each joint's origin to the first root, at zero (n,) [m]."""
 
     def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:

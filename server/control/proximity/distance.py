@@ -26,14 +26,6 @@ from ..spatial import Array
 
 # --- Arrays that belong together, as the kernels of this room take them: plain tuples in one order
 
-TreeArrays = tuple[Index, Flags, Array, Array]
-TREE: Final = record(INDEX, FLAGS, ARRAY4, MATRIX)
-"""`forest.Tree`."""
-
-Roots = tuple[Array, Array]
-ROOTS: Final = record(ARRAY4, ARRAY3)
-"""Attitudes (s, r, 3, 3) and places (s, r, 3) [m] of roots in World; s = 1 where none moves."""
-
 PlacedArrays = tuple[Array, Array, Array]
 PLACED: Final = record(ARRAY4, ARRAY4, ARRAY3)
 """`capsules.Placed`."""

@@ -22,9 +22,10 @@ from ..compiled import (
     compiled,
     record,
 )
+from ..forest import Forest
 from ..scene import Flags, Index, Scene, empty
 from ..spatial import Array, Pose
-from .capsules import Capsules, Forest, Placed
+from .capsules import Capsules, Placed
 from .distance import OBSTACLES, NearestPoints, Obstacles, apart, described, measured, violation
 
 # --- Pairs that are near: links and obstacles, links and each other; far ones are culled cheaply

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....config.load import Cell, ConfigError
 from ....config.schema.section import Vector3
-from ...control.proximity.capsules import Forest
+from ...control.forest import Forest
 from ...control.scene import Flags
 from ...control.spatial import Array, Pose
 from .contour import (

@@ -158,8 +158,8 @@ def stand(touch, dynamics, wrench, lag_s=0.002, push=None, seconds=1.0):
     """
     state, states = DetectorState(), []
     dynamics.carry(0.0, np.zeros(3))
-    J, still, samples = dynamics.sensor_jacobian(REACH), np.zeros(7), []
-    gravity = dynamics.torque(REACH, still, still)
+    still, samples = np.zeros(7), []
+    (gravity, _), J = dynamics.needed(REACH, still, still)
     for k in range(round(seconds / T)):
         t = k * T
         samples = [*samples[-2:], wrench(t - lag_s - T / 2), wrench(t - lag_s)]

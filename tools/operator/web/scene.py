@@ -18,7 +18,8 @@ from ....config.urdf.elements import end_of
 from ....config.urdf.meshes import find_mesh, read_mesh
 from ....drivers.device import DeviceError
 from ....server.control.backbone.curve import centre_line
-from ....server.control.proximity.capsules import Forest, fitted
+from ....server.control.forest import Forest
+from ....server.control.proximity.capsules import fitted
 from ....server.control.spatial import Pose
 from ....server.control.task.task import FRAMES
 

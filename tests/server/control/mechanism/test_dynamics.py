@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.server.control.mechanism.model import Dynamics, Mechanism, dynamics_of
+from telerobot.server.control.mechanism.model import Dynamics, Mechanism
 from telerobot.server.control.spatial import Pose
 
 ROTORS = np.array([1.5, 1.5, 0.8, 0.8, 0.15, 0.15, 0.1])
@@ -79,7 +79,7 @@ def test_wheels_give_what_base_and_arm_gain_in_energy():
     cell = load_cell("rover")
     mechanism = Mechanism.from_cell(cell)
     n, rotors = mechanism.n, np.linspace(0.1, 0.9, mechanism.n)
-    dynamics = dynamics_of(mechanism, rotors)
+    dynamics = Dynamics(mechanism, rotors)
     free = pin.buildModelFromXML(cell.robot.description(), pin.JointModelPlanar())
     data, wheels = free.createData(), cell.config.mechanism.base.wheels
     order = [free.joints[free.getJointId(name)].idx_v for name in mechanism.joints]
