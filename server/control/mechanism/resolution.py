@@ -44,7 +44,7 @@ def damped_gain(sigma: float, region: float, damping: float) -> float:
     return sigma / (sigma**2 + damping**2 * (1.0 - (sigma / region) ** 2))
 
 
-@compiled(NUMBER, NUMBER, NUMBER)
+@inner_kernel
 def full_gain(sigma: float, region: float, damping: float) -> float:
     """Return the damped gain, no weaker than at λm: there it is about greatest."""
     return damped_gain(max(sigma, damping), region, damping)
@@ -96,17 +96,17 @@ def bend(J: Array, a: Array, b: Array, length: float) -> Array:
     return found
 
 
-@compiled(DIRECTIONS, NUMBER, FLAG, NUMBER, NUMBER, NUMBER)
-def damped_rates(
-    at: Apart, share: float, turned: bool, region: float, damping: float, floor: float
-) -> tuple[Array, bool]:
-    """Return rates (n,) [rad/s] along the directions' own motions, and whether damping acts.
+@inner_kernel
+def _damp(
+    at: Apart, share: float, turned: bool, region: float, damping: float, floor: float, dq: Array
+) -> bool:
+    """Add rates (n,) [rad/s] along the directions' own motions; return whether damping acts.
 
     The way home answers `share` of the command below the floor, in place of these.
     """
     J, length, U, sigma, V, _, along = at
     rank, n = V.shape
-    dq, singular = np.zeros(n), False
+    singular = False
     u, v = np.empty(6), np.empty(n)
     for i in range(rank):
         s, d = sigma[i], along[i]
@@ -154,7 +154,41 @@ def damped_rates(
             singular = singular or below > 0.0 or gain * s < 0.999
         for j in range(n):
             dq[j] += gain * d * V[i, j]
-    return dq, singular
+    return singular
+
+
+@compiled(DIRECTIONS, VECTOR, NUMBER, FLAG, NUMBER, NUMBER, NUMBER, ROW, ROW)
+def _answer_beside(
+    at: Apart,
+    way: Array,
+    share: float,
+    turned: bool,
+    region: float,
+    damping: float,
+    floor: float,
+    dq: Array,
+    home: Array,
+) -> bool:
+    """Write the rates (n,) for a command, and their part along a way home (n,) [rad/s].
+
+    They are no greater than damping alone bounds them. `share` and `turned` are those of the way;
+    `dq` is zeros before. Returns whether damping acts.
+    """
+    sigma, V, along = at[3], at[4], at[6]
+    singular = _damp(at, share, turned, region, damping, floor, dq)
+    gain = full_gain(sigma[len(V) - 1], region, damping)
+    asked = rate = 0.0
+    for i in range(6):
+        asked += along[i] * along[i]
+    for j in range(len(dq)):
+        home[j] = gain * way[j]
+        rate += (dq[j] + home[j]) ** 2
+    most = math.sqrt(asked) / (2.0 * damping * math.sqrt(1.0 - (damping / region) ** 2))
+    part = min(1.0, most / max(math.sqrt(rate), 1e-12))
+    for j in range(len(dq)):
+        dq[j] = part * (dq[j] + home[j])
+        home[j] *= part
+    return singular
 
 
 @compiled(DIRECTIONS, NUMBER, NUMBER)
@@ -224,24 +258,6 @@ def bending_share(
         return 0.0
     most = math.sqrt(bend2)
     return min(1.0, most * per_bend) * common / (most * math.sqrt(size2))
-
-
-@compiled(VECTOR, VECTOR, VECTOR, NUMBER, NUMBER)
-def bounded(
-    damped: Array, home: Array, along: Array, region: float, damping: float
-) -> tuple[Array, float]:
-    """Return the sum of two rates (n,), no greater than damping alone bounds it, and the share."""
-    asked = rate = 0.0
-    for i in range(6):
-        asked += along[i] * along[i]
-    for j in range(len(damped)):
-        rate += (damped[j] + home[j]) ** 2
-    most = math.sqrt(asked) / (2.0 * damping * math.sqrt(1.0 - (damping / region) ** 2))
-    share = min(1.0, most / max(math.sqrt(rate), 1e-12))
-    dq = np.empty(len(damped))
-    for j in range(len(damped)):
-        dq[j] = share * (damped[j] + home[j])
-    return dq, share
 
 
 # --- Joint rates beside a singularity: held off its boundary, led home from it --------------------
@@ -332,13 +348,12 @@ class Answer(NamedTuple):
 def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Answer:
     """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
     region, damping = p.singular_region, p.damping
-    least = float(at.sigma[len(at.V) - 1])
+    least, n = float(at.sigma[len(at.V) - 1]), at.V.shape[1]
     way = _way_home(at, p, travel) if least < p.floor else None
-    share, turned = (0.0, False) if way is None else (way.share, way.turned)
-    damped, singular = damped_rates(at[:], share, turned, region, damping, p.floor)
-    home = np.zeros(len(damped)) if way is None else full_gain(least, region, damping) * way.way
-    dq, part = bounded(damped, home, at.along, region, damping)
-    return Answer(dq, None if way is None else part * home, singular)
+    found = way or _WayHome(np.zeros(n), 0.0, False)
+    dq, home = np.zeros(n), np.empty(n)
+    singular = _answer_beside(at[:], *found, region, damping, p.floor, dq, home)
+    return Answer(dq, None if way is None else home, singular)
 
 
 def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayHome | None:
