@@ -596,7 +596,8 @@ class Branch:
             if prismatic[i]:
                 parts[i, 1, :, 3] = placement[:3, :3] @ linear
             elif self.rolling is not None and i < 2:
-                # The wheel turns all that the root carries about the other one's place.
+                # The wheel turns all that the root carries about the other one's place: Zhang 2013,
+                # eq. 6, its first two columns.
                 side = 1.0 if i else -1.0
                 parts[i, 0] = np.eye(3, 4)
                 parts[i, 0, 1, 3] = side * 0.5 * self.rolling.track

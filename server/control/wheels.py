@@ -134,19 +134,6 @@ class DifferentialDrive(NamedTuple):
             R[s], p[s] = at
         return R, p
 
-    def columns(self, T_world_base: Pose, p: Array) -> Array:
-        """Return the Jacobian (6, 2) of the wheels at a point p (3,) of World, World axes.
-
-        Zhang 2013, eq. 6: its first two columns, for the rates of left and right wheel.
-        """
-        R, origin = T_world_base
-        found = np.empty((6, 2))
-        arm = np.cross(R[:, 2], p - origin)
-        for k, turn in enumerate((-self.turn, self.turn)):
-            found[:3, k] = 0.5 * self.radius * R[:, 0] + turn * arm
-            found[3:, k] = turn * R[:, 2]
-        return found
-
 
 @compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, TABLE, ROW)
 def _roll(
