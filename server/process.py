@@ -5,9 +5,11 @@ import ctypes
 import gc
 import os
 import socket
+import struct
 import time
 from collections.abc import Mapping
-from typing import Protocol
+from pathlib import Path
+from typing import BinaryIO, Protocol
 
 # --- Time for the loop: the monotonic clock, or a virtual one that a simulation sets --------------
 
@@ -64,9 +66,18 @@ PRIORITY = 60
 
 _MCL_CURRENT_AND_FUTURE = 3
 
+WAKE_US = 10
+"""Processors may sleep so deeply that they wake up within this [µs]: in C1, not in C6, whose
+100 to 200 µs come on top of every wake-up of the loop."""
+LATENCY = Path("/dev/cpu_dma_latency")
+"""Bounds that for all processors, while the file is open (Linux, power/pm_qos_interface)."""
+_SLEEPING = Path("/sys/devices/system/cpu/cpuidle/current_driver")
+
 
 def prepare() -> list[str]:
-    """Ask for real-time scheduling and locked memory; return a notice for each that was denied.
+    """Ask for what a loop in real time needs; return a notice for each that was denied.
+
+    That is real-time scheduling, locked memory and processors that wake up quickly.
 
     Garbage collection is frozen and off afterwards: the loop collects in its slack.
     """
@@ -84,14 +95,46 @@ def prepare() -> list[str]:
             f"memory is not locked ({os.strerror(ctypes.get_errno())}): a page fault can delay a "
             "tick; grant CAP_IPC_LOCK or a memlock limit"
         )
+    refusal = stay_awake()
+    if refusal:
+        notices.append(
+            f"processors may sleep deeply ({refusal}): wake-ups can be late by 0.2 ms; let the "
+            f"daemon's user write {LATENCY}"
+        )
     gc.collect()
     gc.freeze()
     gc.disable()
     return notices
 
 
+_awake: list[BinaryIO] = []
+"""The open file that keeps processors from deep sleep."""
+
+
+def stay_awake() -> str:
+    """Keep processors from sleeping deeply until `let_sleep`; return why not, or nothing."""
+    if not _SLEEPING.exists():
+        return (
+            ""  # a kernel that lets none sleep deeply, as in most containers and virtual machines
+        )
+    try:
+        held = LATENCY.open("wb", buffering=0)
+        held.write(struct.pack("=i", WAKE_US))
+    except OSError as error:
+        return error.strerror or str(error)
+    _awake.append(held)
+    return ""
+
+
+def let_sleep() -> None:
+    """Let processors sleep as deeply as they like again."""
+    while _awake:
+        _awake.pop().close()
+
+
 def release() -> None:
-    """Unfreeze what `prepare` kept from the garbage collector, before the process ends."""
+    """Give back what `prepare` took, before the process ends."""
+    let_sleep()
     gc.unfreeze()
     gc.enable()
 

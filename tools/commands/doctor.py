@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from ...config.load import load_cell
+from ...server.process import LATENCY, let_sleep, stay_awake
 from ..checks.cell import network
 from ..checks.findings import Finding, Severity, failed, graded, summary, table, to_json
 from ..host import machine
@@ -47,6 +48,11 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
         machine.memory_lock_refusal(),
         "a page fault can stall a tick; grant memlock in /etc/security/limits.conf",
     )
+    yield _granted(
+        "CPU sleep",
+        stay_awake(),
+        f"a processor that sleeps deeply wakes up late; let the daemon's user write {LATENCY}",
+    )
     with machine.realtime() as refusal:
         yield _granted(
             "SCHED_FIFO",
@@ -54,6 +60,7 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
             "other programs can delay a tick; grant rtprio in /etc/security/limits.conf",
         )
         yield _timer(machine.measure_jitter(duration_s, PERIOD_S), fifo=not refusal)
+    let_sleep()
     refusal = machine.loopback_refusal()
     yield Finding(
         "loopback bus",

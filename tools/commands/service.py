@@ -10,7 +10,7 @@ from typing import Final
 
 from ...config.errors import ConfigError, printable
 from ...config.load import Cell, load_cell, shipped
-from ...server.process import PRIORITY
+from ...server.process import LATENCY, PRIORITY
 
 ISOLATED: Final = Path("/sys/devices/system/cpu/isolated")
 _USER: Final = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
@@ -43,7 +43,7 @@ def unit(cell: Cell, asked: str, user: str, cpus: str) -> str:
         priority=PRIORITY,
         cpus=f"\nCPUAffinity={cpus}" if cpus else "",
         homes="read-only" if at_home else "yes",
-        devices="\nPrivateDevices=yes" if _no_devices(cell) else "",
+        devices=f"\nDevicePolicy=closed\nDeviceAllow={LATENCY} rw" if _no_devices(cell) else "",
     )
 
 

@@ -70,9 +70,9 @@ def test_its_command_serves_the_cell(printed, real):
 def test_it_waits_for_the_interfaces_of_its_buses(printed, real):
     unit = printed(str(real))
     assert "sys-subsystem-net-devices-can0.device" in lines(unit, "After")
-    assert lines(unit, "PrivateDevices") == ["yes"]
+    assert lines(unit, "DeviceAllow") == ["/dev/cpu_dma_latency rw"]
     real.write_text(real.read_text().replace("socketcan", "slcan").replace("can0", "/dev/ttyACM0"))
-    assert lines(printed(str(real)), "PrivateDevices") == []
+    assert lines(printed(str(real)), "DeviceAllow") == []
 
 
 def test_it_runs_as_a_user_of_its_own_with_real_time_and_is_restarted(printed):
