@@ -1,9 +1,9 @@
-"""An operator's Zenoh session: puts, asks and listens. Polled: nothing runs in the background."""
+"""Carrier of an operator's messages: its interface, and a Zenoh session. All of it is polled."""
 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import zenoh
 
@@ -20,6 +20,43 @@ REPLY_TIMEOUT_S = 5.0
 
 class NotCertified(Exception):
     """The process's certificate does not allow to send on a topic."""
+
+
+class Buffer(Protocol):
+    """Messages of one topic since the last look."""
+
+    def take(self) -> Iterator[bytes]:
+        """Yield the payloads that wait, oldest first."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class MessageCarrier(Protocol):
+    """Carrier of an operator's messages: a Zenoh session, or a simulation's own line."""
+
+    @property
+    def shown(self) -> str | None:
+        """Common name of the certificate that is shown; None without one."""
+        ...
+
+    def subscribe(self, topic: t.Topic, depth: int) -> Buffer:
+        """Listen to a topic, keeping the newest `depth` messages between two looks."""
+        ...
+
+    def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
+        """Send a command."""
+        ...
+
+    def ask(
+        self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
+        """Send a request; `poll` hands its reply to `answer`."""
+        ...
+
+    def poll(self) -> None: ...
+
+    def close(self) -> None: ...
 
 
 class TopicBuffer:

@@ -1,10 +1,11 @@
-"""The operators' network: its interface to the daemon, Zenoh's implementation, who may see it."""
+"""The operators' network: its interface to the daemon, over Zenoh and in memory, who may see it."""
 
 import contextlib
 import os
 import re
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final, Literal, NamedTuple, Protocol
@@ -18,7 +19,7 @@ from ...drivers.network.identity import Identity
 from ...drivers.network.sessions import Hearing, member_config, router_config
 from ...protocols.codec import encode
 from ...protocols.messages.messages import Message
-from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, Flow, Topic
+from ...protocols.topics import COMMANDS, REQUESTS, SENSORS, TICK, Flow, Topic
 from ..events import Events
 from ..process import PRIORITY
 
@@ -273,3 +274,101 @@ def _request(answers: AnswerThread, key: str, query: "zenoh.Query") -> RawMessag
         return RawMessage(query.payload or b"", query.attachment or b"", answer)
     answer(None)  # Who asks many keys at once is told nothing: a request goes to one.
     return None
+
+
+# --- The operators' network in one process, for simulation: no Zenoh, commands are the same bytes -
+
+
+class MemoryLink:
+    """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
+
+    def __init__(self) -> None:
+        self._rings: dict[str, deque[RawMessage]] = {}
+        self._listeners: list[Callable[[Topic, Message], None]] = []
+
+    def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
+        """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
+        if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
+            raise ValueError(f"{topic.key} is no command")
+        self._ring(topic).append(RawMessage(payload, proof, sender=topic.sender))
+
+    def ask(
+        self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
+    ) -> None:
+        """Send a request as an operator; `answer` is called with the reply's bytes."""
+        if topic.flow is not Flow.REQUEST:
+            raise ValueError(f"{topic.key} is no request")
+
+        def reply(content: bytes | None) -> None:
+            if content is not None:
+                answer(content)
+
+        self._ring(topic).append(RawMessage(payload, proof, reply))
+
+    def listen(self, listener: Callable[[Topic, Message], None]) -> None:
+        """Hand all telemetry to a listener as it is published; messages are not encoded."""
+        self._listeners.append(listener)
+
+    crowded = False
+    """No answer ever waits."""
+
+    def source(self, topic: Topic) -> Source:
+        """Return what takes the messages of a topic, one at a time."""
+        ring = self._ring(topic)
+        return Source(lambda: ring.popleft() if ring else None, lambda message: message)
+
+    def publish(self, topic: Topic, message: Message) -> None:
+        """Send telemetry."""
+        for listener in self._listeners:
+            listener(topic, message)
+
+    def heard(self, topic: Topic) -> bool:
+        """Return whether anybody listens; nobody to ticks, which a recorder has from the cycle."""
+        return bool(self._listeners) and topic is not TICK
+
+    def close(self) -> None:
+        self._listeners.clear()
+
+    def _ring(self, topic: Topic) -> deque[RawMessage]:
+        return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))
+
+
+class MemoryBuffer:
+    """Messages of one topic since the last look."""
+
+    def __init__(self, link: MemoryLink, topic: Topic, depth: int) -> None:
+        self._topic = topic
+        self._kept: deque[bytes] = deque(maxlen=depth)
+        link.listen(self._hear)
+
+    def take(self) -> Iterator[bytes]:
+        """Yield the payloads that wait, oldest first."""
+        while self._kept:
+            yield self._kept.popleft()
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._kept = deque(maxlen=0)
+
+    def _hear(self, topic: Topic, message: Message) -> None:
+        if topic is self._topic:
+            self._kept.append(encode(message))
+
+
+class MemoryLine:
+    """An operator's end of a simulation's link. What is sent is heard in the next tick."""
+
+    def __init__(self, link: MemoryLink) -> None:
+        self._link, self.put, self.ask = link, link.put, link.ask
+        self.shown: str | None = None
+        """No certificate is shown."""
+
+    def subscribe(self, topic: Topic, depth: int) -> MemoryBuffer:
+        """Listen to a topic, keeping the newest `depth` messages between two looks."""
+        return MemoryBuffer(self._link, topic, depth)
+
+    def poll(self) -> None:
+        """Do nothing: replies are handed over within the tick that makes them."""
+
+    def close(self) -> None:
+        """Do nothing: the link ends with its simulation."""

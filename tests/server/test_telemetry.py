@@ -9,7 +9,7 @@ from telerobot.drivers.network.sessions import client_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode
 from telerobot.server import telemetry
-from telerobot.server.operators.link import ZenohLink
+from telerobot.server.operators.link import MemoryLink, ZenohLink
 from telerobot.server.recorder import BlackBox
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation import simulation as simulated
@@ -17,7 +17,7 @@ from telerobot.tools.simulation import simulation as simulated
 TRIES = 2000
 
 
-class Network(simulated.MemoryLink):
+class Network(MemoryLink):
     """Tells over Zenoh what a simulated daemon tells, and counts it, in messages."""
 
     def __init__(self, link: ZenohLink) -> None:

@@ -6,9 +6,10 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode, encode
+from telerobot.server.operators.link import MemoryLink
 from telerobot.server.telemetry import describe
 from telerobot.tools.scripts.script import Script, load_script
-from telerobot.tools.simulation.simulation import MemoryLink, Simulation
+from telerobot.tools.simulation.simulation import Simulation
 
 PERIODICAL = (t.STATE, t.REFLECTION, t.DESCRIPTION)
 

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from ...config.load import Cell, load_cell
 from ...drivers.network.identity import identity_of
-from ...drivers.network.session import REPLY_TIMEOUT_S, NotCertified, Session
+from ...drivers.network.session import REPLY_TIMEOUT_S, MessageCarrier, NotCertified, Session
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
 from ...protocols.messages import messages as m
@@ -20,7 +20,7 @@ from ...protocols.messages.telemetry import Description, Event, State, TaskDescr
 from ...protocols.topics import Role
 from ...server.process import Clock, MonotonicClock
 from ..host.address import moved
-from .protocol_client import MessageCarrier, NoLease, OnReply, ProtocolClient, RoundTrip
+from .protocol_client import NoLease, OnReply, ProtocolClient, RoundTrip
 
 # --- Live connection of an operator to a daemon: session, telemetry, keepalive, streams, lease ----
 POLL_S = 0.002

@@ -2,9 +2,9 @@
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode_as, encode
@@ -236,44 +236,6 @@ def _reply(payload: bytes) -> requests.Reply:
         return decode_as(requests.Reply, payload)
     except CodecError as error:
         return requests.Reply(ok=False, reason=error.reason, detail=error.detail[:500])
-
-
-# --- Carrier of an operator's messages: a Zenoh session, or a simulation's own link ---------------
-class Buffer(Protocol):
-    """Messages of one topic since the last look."""
-
-    def take(self) -> Iterator[bytes]:
-        """Yield the payloads that wait, oldest first."""
-        ...
-
-    def close(self) -> None: ...
-
-
-class MessageCarrier(Protocol):
-    """Carrier of an operator's messages, polled."""
-
-    @property
-    def shown(self) -> str | None:
-        """Common name of the certificate that is shown; None without one."""
-        ...
-
-    def subscribe(self, topic: t.Topic, depth: int) -> Buffer:
-        """Listen to a topic, keeping the newest `depth` messages between two looks."""
-        ...
-
-    def put(self, topic: t.Topic, payload: bytes, proof: bytes = b"") -> None:
-        """Send a command."""
-        ...
-
-    def ask(
-        self, topic: t.Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
-    ) -> None:
-        """Send a request; `poll` hands its reply to `answer`."""
-        ...
-
-    def poll(self) -> None: ...
-
-    def close(self) -> None: ...
 
 
 # --- Round trip: from a command to the telemetry that shows it accepted. Pure ---------------------

@@ -5,7 +5,6 @@ import itertools
 import math
 import struct
 import sys
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,20 +14,19 @@ from typing import Protocol
 import numpy as np
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...drivers.bus import CanMessage, Hub, InProcessBus
+from ...drivers.bus import CanMessage
 from ...drivers.device import DeviceError
-from ...drivers.fieldbus import Fieldbus, Fieldbuses
+from ...drivers.fieldbus import VirtualBuses
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages import messages as m
-from ...protocols.messages.messages import Message, Reflection
+from ...protocols.messages.messages import Reflection
 from ...protocols.messages.perception import ObstacleNews
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
-from ...protocols.topics import TICK, Flow, Topic
 from ...server.daemon import build
-from ...server.operators.link import RawMessage, Source, room
+from ...server.operators.link import MemoryLink
 from ...server.process import VirtualClock
 from ...server.recorder import BlackBox
 from ..recording.recorder import Recorder
@@ -101,117 +99,9 @@ def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
     }
 
 
-# --- The CAN buses of a simulated cell: one in-process hub for each, in virtual time --------------
-PUMP_STEPS = 500  # a device that is silent for this many physics steps does not answer [1]
-
-Heard = Callable[[int, CanMessage], None]  # called with the index of the bus and every frame on it
-
-
-class VirtualBuses:
-    """Joins daemon, rig and listeners on every bus.
-
-    `pump` lets virtual time pass while the daemon waits, as it may in BOOT: it is told to run until
-    a condition holds, for at most so many physics steps.
-    """
-
-    def __init__(
-        self,
-        cell: Cell,
-        clock: Callable[[], float],
-        pump: Callable[[Callable[[], bool], int], None],
-    ) -> None:
-        configs = cell.config.fieldbuses
-        self.hubs = tuple(Hub() for _ in configs)
-        ours = [InProcessBus(hub) for hub in self.hubs]
-        self.of_rig = tuple(InProcessBus(hub) for hub in self.hubs)
-        self.of_daemon = Fieldbuses(
-            *(Fieldbus(bus, clock, config.label) for bus, config in zip(ours, configs, strict=True))
-        )
-        for hub, bus in zip(self.hubs, ours, strict=True):
-            hub.pump = partial(pump, partial(_has_frames, bus), PUMP_STEPS)
-
-    def listen(self, heard: Heard) -> None:
-        """Tell of every frame from now on, whoever sends it."""
-        for i, hub in enumerate(self.hubs):
-            InProcessBus(hub, partial(heard, i))
-
-    def listen_to_daemon(self, heard: Callable[[int, int, bytes], None]) -> None:
-        """Tell index of the bus, identifier and data of every frame that the daemon sends."""
-        for i, fieldbus in enumerate(self.of_daemon):
-            fieldbus.taps.append(partial(heard, i))
-
-    def set_time(self, time_s: float) -> None:
-        """Set the time that frames are stamped with [s]."""
-        for hub in self.hubs:
-            hub.time_s = time_s
-
-    def close(self) -> None:
-        for hub in self.hubs:
-            hub.close()
-
-
-def _has_frames(bus: InProcessBus) -> bool:
-    return bus.waiting > 0
-
-
 def _record(recorder: Recorder, bus: int, message: CanMessage) -> None:
     time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
     recorder.frame(time_s, can_id, data, sent=False, bus=bus)
-
-
-# --- An operators' network in one process, for simulation: no Zenoh, commands are the same bytes
-class MemoryLink:
-    """Both ends of the network: the cycle polls it, an operator in the same process uses it."""
-
-    def __init__(self) -> None:
-        self._rings: dict[str, deque[RawMessage]] = {}
-        self._listeners: list[Callable[[Topic, Message], None]] = []
-
-    def put(self, topic: Topic, payload: bytes, proof: bytes = b"") -> None:
-        """Send as an operator or a sensor; newest wins, as in Zenoh's ring channels."""
-        if topic.flow not in (Flow.COMMAND, Flow.SENSOR):
-            raise ValueError(f"{topic.key} is no command")
-        self._ring(topic).append(RawMessage(payload, proof, sender=topic.sender))
-
-    def ask(
-        self, topic: Topic, payload: bytes, answer: Callable[[bytes], None], proof: bytes = b""
-    ) -> None:
-        """Send a request as an operator; `answer` is called with the reply's bytes."""
-        if topic.flow is not Flow.REQUEST:
-            raise ValueError(f"{topic.key} is no request")
-
-        def reply(content: bytes | None) -> None:
-            if content is not None:
-                answer(content)
-
-        self._ring(topic).append(RawMessage(payload, proof, reply))
-
-    def listen(self, listener: Callable[[Topic, Message], None]) -> None:
-        """Hand all telemetry to a listener as it is published; messages are not encoded."""
-        self._listeners.append(listener)
-
-    crowded = False
-    """No answer ever waits."""
-
-    def source(self, topic: Topic) -> Source:
-        """Return what takes the messages of a topic, one at a time."""
-        ring = self._ring(topic)
-        return Source(lambda: ring.popleft() if ring else None, lambda message: message)
-
-    def publish(self, topic: Topic, message: Message) -> None:
-        """Send telemetry."""
-        for listener in self._listeners:
-            listener(topic, message)
-
-    def heard(self, topic: Topic) -> bool:
-        """Return whether anybody listens; nobody to ticks, which a recorder has from the cycle."""
-        return bool(self._listeners) and topic is not TICK
-
-    def close(self) -> None:
-        self._listeners.clear()
-
-    def _ring(self, topic: Topic) -> deque[RawMessage]:
-        return self._rings.setdefault(topic.key, deque(maxlen=room(topic)))
 
 
 # --- Keys for simulations, equal in equal runs. Real ones come from `protocols.agreement` ---------

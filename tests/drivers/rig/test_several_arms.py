@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.drivers.device import Cause, SwitchedOutput, WrenchSensor
+from telerobot.drivers.fieldbus import VirtualBuses
 from telerobot.drivers.kinds import make_drivers
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.messages.rig import RigFault
 from telerobot.server.plant import Plant
-from telerobot.tools.simulation.simulation import VirtualBuses
 
 PERIOD_S = 0.01
 APART = (2.0, 1.0)

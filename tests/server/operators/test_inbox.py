@@ -16,10 +16,9 @@ from telerobot.protocols.messages.perception import FrameNews
 from telerobot.protocols.proof import prove
 from telerobot.server.operators.admission import Admission, Instant
 from telerobot.server.operators.inbox import ANSWERED, PART, Inbox
-from telerobot.server.operators.link import RING, room
+from telerobot.server.operators.link import RING, MemoryLink, room
 from telerobot.server.operators.link import RawMessage as Asked
 from telerobot.server.refusals import Why
-from telerobot.tools.simulation.simulation import MemoryLink
 
 CELL, SECRET, PERIOD_S = "cell", b"s" * 32, 0.01
 NEEDS_PROOF = [x for x in (*t.COMMANDS, *t.REQUESTS) if x.needs_proof]

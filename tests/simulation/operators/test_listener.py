@@ -3,8 +3,9 @@
 import msgpack
 import pytest
 from telerobot.protocols import topics as t
+from telerobot.server.operators.link import MemoryLink
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.simulation import MemoryLink, Simulation
+from telerobot.tools.simulation.simulation import Simulation
 
 from ..conftest import STICK
 

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
+from ....drivers.network.session import Buffer, MessageCarrier
 from ....protocols import topics as t
 from ....protocols.codec import CodecError, decode_as
 from ....protocols.messages.perception import (
@@ -19,7 +20,6 @@ from ....protocols.messages.perception import (
 )
 from ....protocols.messages.rig import RigTruth
 from ....protocols.messages.telemetry import State
-from ...client.protocol_client import Buffer, MessageCarrier
 from ..words import passage_words
 
 # --- Surroundings that a page is shown: obstacles, contour, scans and pictures, as sensors tell ---

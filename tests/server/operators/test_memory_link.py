@@ -1,8 +1,7 @@
 import pytest
 from telerobot.protocols import topics as t
 from telerobot.protocols.messages.messages import Message
-from telerobot.server.operators.link import room
-from telerobot.tools.simulation.simulation import MemoryLink
+from telerobot.server.operators.link import MemoryLink, room
 
 
 def next_on(link, topic):
