@@ -39,6 +39,16 @@ AGAIN_S: Final = 1.0
 _STEPS: Final = (scan_data.LOGIN, scan_data.CONFIGURE, scan_data.START, scan_data.STATE)
 
 
+def decoded(found: str | TelegramError) -> scan_data.Scan | TelegramError | None:
+    """Return the scan in a telegram, or why it is refused; None for a telegram of another kind."""
+    if isinstance(found, TelegramError):
+        return found
+    try:
+        return scan_data.decode_scan(found) if scan_data.is_scan(found) else None
+    except TelegramError as error:
+        return error
+
+
 class ScannerClient:
     """One scanner. `told` gets a line for everything that goes wrong, or right again."""
 
@@ -67,15 +77,11 @@ class ScannerClient:
             self._lose(f"lost: {error.strerror or error}")
             return
         for found in self._frames.feed(received):
-            if isinstance(found, TelegramError):
-                yield found
-            elif scan_data.is_scan(found):
-                self._heard_s = self._clock()
-                try:
-                    yield scan_data.decode_scan(found)
-                except TelegramError as error:
-                    yield error
-            elif (fault := fault_in(found)) is not None:
+            if (scan := decoded(found)) is not None:
+                if not isinstance(found, TelegramError):
+                    self._heard_s = self._clock()
+                yield scan
+            elif (fault := fault_in(str(found))) is not None:
                 yield TelegramError(f"the scanner refuses: {fault}")
         if self._clock() - self._heard_s > SILENT_S:
             self._lose("silent")

@@ -12,14 +12,13 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.surroundings import CameraSection
 from ...drivers.rig.rig import Rig
-from ...drivers.scanner import Clocks
+from ...drivers.scanner import decoded
 from ...protocols.codec import encode
 from ...protocols.messages.perception import ContourNews, FrameNews, Sighting
 from ...protocols.messages.telemetry import State
-from ...protocols.sick import TelegramCutter, TelegramError, decode_scan, is_scan
+from ...protocols.sick import TelegramCutter
 from ...protocols.topics import CONTOUR, OBSTACLE, SIGHTING, Topic
 from ...server.control.spatial import Pose, rotation_exp
-from ...server.perception.scanning.placing import instant_of
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
 from ..recording.recorder import Recorder
 
@@ -193,15 +192,14 @@ class SimulatedScans:
         self.newest: Looked | None = None  # the newest scan with its contour
         self.on_look: Callable[[Looked], None] = _ignore
         """Called with every scan that was looked at."""
-        self._clocks, self._frames = Clocks(), TelegramCutter()
+        self._frames = TelegramCutter()
         self._underway: deque[tuple[float, Topic, bytes]] = deque()
         if rig.scanner is not None:
             rig.scanner.on_telegram.append(self._on_telegram)
 
     def on_state(self, state: State) -> None:
         now_s = self._rig.time_s
-        self._clocks.hear_daemon(now_s, state.time_s)
-        for looked in self.scanning.hear(instant_of(state)):
+        for looked in self.scanning.listen(state, now_s):
             if looked.contour is not None:
                 self.newest = looked
                 self._record(looked)
@@ -226,18 +224,9 @@ class SimulatedScans:
 
     def _on_telegram(self, received: bytes) -> None:
         for found in self._frames.feed(received):
-            try:
-                if isinstance(found, TelegramError):
-                    raise found
-                if not is_scan(found):
-                    continue
-                scan = decode_scan(found)
-                start_s = self._clocks.hear_scanner(self._rig.time_s, scan.start_us, scan.sent_us)
-                if start_s is not None:
-                    self.scanning.take(scan, start_s)
-            except TelegramError as error:
-                self.scanning.refused += 1
-                self.scanning.events.append(f"telegram refused: {error}")
+            scan = decoded(found)
+            if scan is not None and (refusal := self.scanning.receive(scan, self._rig.time_s)):
+                self.scanning.events.append(refusal)
 
 
 def _ignore(_looked: Looked) -> None:

@@ -13,7 +13,9 @@ import numpy as np
 
 from ....config.load import Cell, ConfigError
 from ....config.schema.surroundings import ContourReflexSection, ScannerSection
+from ....drivers.scanner import Clocks
 from ....protocols.messages.perception import NOTHING, ContourNews, ObstacleNews
+from ....protocols.messages.telemetry import State
 from ....protocols.sick import Scan, TelegramError
 from ...control.scene import Flags
 from ...control.spatial import Array, Pose
@@ -27,6 +29,7 @@ from .placing import (
     Ring,
     ScannerGeometry,
     bridged,
+    instant_of,
     own_rays,
     place,
 )
@@ -113,6 +116,7 @@ class Scanning:
         self.events: deque[str] = deque(maxlen=100)
         """Words about telegrams that were refused, and missing rays, for who prints them."""
         self.scans = self.refused = 0
+        self._clocks = Clocks()
         self._waiting: deque[tuple[Scan, float]] = deque()
         self._told: dict[str, tuple[Array, Array, float]] = {}
         self._silent = 0.0
@@ -120,6 +124,27 @@ class Scanning:
         self._complained_s = -math.inf
 
     # --- what comes in -----------------------------------------------------------------------
+
+    def listen(self, state: State, arrived_s: float) -> Iterator[Looked]:
+        """Take in telemetry that arrived at a time of who listens [s], and look as `hear`."""
+        self._clocks.hear_daemon(arrived_s, state.time_s)
+        yield from self.hear(instant_of(state))
+
+    def receive(self, found: Scan | TelegramError, arrived_s: float) -> str:
+        """Take in what the scanner sent, at a time of who listens [s].
+
+        Return why it is refused; nothing for a scan that is taken, or of a time not known yet.
+        """
+        try:
+            if isinstance(found, TelegramError):
+                raise found
+            start_s = self._clocks.hear_scanner(arrived_s, found.start_us, found.sent_us)
+            if start_s is not None:
+                self.take(found, start_s)
+        except TelegramError as error:
+            self.refused += 1
+            return f"telegram refused: {error}"
+        return ""
 
     def hear(self, instant: MeasuredInstant) -> Iterator[Looked]:
         """Take in telemetry, and look at the scans that it lets place."""
@@ -147,7 +172,7 @@ class Scanning:
     def forget(self) -> None:
         """Know nothing: the daemon, or the scanner, started again."""
         self._forget_places()
-        self.ring = Ring()
+        self._clocks, self.ring = Clocks(), Ring()
         self._waiting.clear()
         if self.slip is not None:
             self.slip.forget()
