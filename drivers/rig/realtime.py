@@ -8,14 +8,19 @@ never made up in a burst.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import can
 
+from ...config.load import Cell
+from ...config.schema.bus import CanOpenNodeSection
+from ...protocols.canopen import can301
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
+from ..device import DeviceError
+from ..fieldbus import POLL_S
 from .rig import Rig
 
 TRUTH_PERIOD_S = 0.01
@@ -25,6 +30,32 @@ MOST_ASLEEP_S = 0.005
 """Faults and the order to end are looked for at least so often [s]."""
 MOST_PERIODS = 5
 """No more is made up for a SYNC; a frame that seems older has just come [SYNC periods]."""
+
+
+LISTEN_PERIODS = 2
+"""Another rig is listened for so long before this one starts [heartbeat periods]."""
+
+
+def refuse_second(cell: Cell, buses: Sequence[can.BusABC]) -> None:
+    """Raise `DeviceError` where a node of the cell speaks already: this rig would make it two.
+
+    Only before it starts: later, a frame in a node's name may be anybody's, and ends nothing.
+    """
+    places = [config.name for config in cell.config.fieldbuses]
+    speaks = {
+        (entry.bus, base(entry.section.node)): entry.section.node
+        for entry in cell.devices
+        if isinstance(entry.section, CanOpenNodeSection)
+        for base in (can301.heartbeat_id, can301.tpdo1_id)
+    }
+    end_s = time.monotonic() + LISTEN_PERIODS * cell.config.timing.heartbeat_period_s
+    while time.monotonic() < end_s:
+        for name, bus in zip(places, buses, strict=True):
+            while (message := bus.recv(0)) is not None:
+                node = speaks.get((name, message.arbitration_id))
+                if node is not None:
+                    raise DeviceError(f"node {node} speaks on {name}: another rig, or an arm?")
+        time.sleep(POLL_S)
 
 
 class FaultSource(Protocol):

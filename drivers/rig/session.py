@@ -7,6 +7,7 @@ from typing import Final, TypeVar
 
 import zenoh
 
+from ...config.load import Cell
 from ...config.schema.surroundings import ScannerSection
 from ...protocols import codec, topics
 from ...protocols.messages.perception import FrameNews, RigMotion
@@ -18,6 +19,7 @@ from ..network.identity import Identity
 from ..network.sessions import Hearing, dialling_config
 from ..scanner import host_and_port
 from .nodes.sensors import SimulatedScanner
+from .rig import Rig
 
 # --- The rig's own topics over Zenoh: faults in, truth out, for judges; and its sensors of frames
 #
@@ -211,3 +213,15 @@ class ScannerServer:
     def _drop(self, client: _Client) -> None:
         client.connection.close()
         self._clients.remove(client)
+
+
+def serve_scanner(cell: Cell, rig: Rig) -> ScannerServer | None:
+    """Let a rig's scanner listen, where the cell has one; it answers as the rig steps.
+
+    Raises `DeviceError` where its place is taken.
+    """
+    if cell.config.scanner is None or rig.scanner is None:
+        return None
+    server = ScannerServer(cell.config.scanner, rig.scanner)
+    rig.scanner.on_step = server.poll
+    return server

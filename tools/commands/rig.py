@@ -4,18 +4,13 @@ import argparse
 import gc
 import os
 import sys
-import time
 
-from ...config.load import Cell, ConfigError
-from ...config.schema.bus import CanOpenNodeSection
+from ...config.load import ConfigError
 from ...drivers.bus import CanBus, open_bus
-from ...drivers.device import DeviceError
-from ...drivers.fieldbus import POLL_S
 from ...drivers.network.identity import identity_of
-from ...drivers.rig.realtime import run_realtime
+from ...drivers.rig.realtime import refuse_second, run_realtime
 from ...drivers.rig.rig import Rig
-from ...drivers.rig.session import RigSession, ScannerServer
-from ...protocols.canopen import can301
+from ...drivers.rig.session import RigSession, serve_scanner
 from ...protocols.topics import Role
 from ...server.process import PRIORITY as DAEMON
 from ..host.address import cell_from
@@ -27,7 +22,6 @@ PRIORITY = DAEMON + 1
 """SCHED_FIFO priority: hardware answers while a daemon computes, its own or another plant's."""
 
 TOLD_EVERY_S = 1.0  # refused faults and odd frames are told at most so often [s]
-LISTEN_PERIODS = 2  # another rig is listened for so long before this one starts [heartbeat periods]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -46,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         name = cell.config.name
         identity = identity_of(cell, Role.RIG, name)
         session = RigSession(name, cell.config.zenoh.dialled, identity, frames=moving)
-        scanner = _scanner_server(cell, rig)
+        scanner = serve_scanner(cell, rig)
         try:
             if moving:
                 FrameSensors(cell, rig, session.newest_tick, session.tell)
@@ -63,40 +57,6 @@ def run(args: argparse.Namespace) -> int:
             bus.shutdown()
     print(f"{pace.steps} steps, {pace.skipped} skipped")
     return 0
-
-
-def _scanner_server(cell: Cell, rig: Rig) -> ScannerServer | None:
-    """Let the simulated scanner listen, where there is one; it answers as the rig steps.
-
-    Raises `DeviceError` where its place is taken.
-    """
-    if cell.config.scanner is None or rig.scanner is None:
-        return None
-    server = ScannerServer(cell.config.scanner, rig.scanner)
-    rig.scanner.on_step = server.poll
-    return server
-
-
-def refuse_second(cell: Cell, buses: list[CanBus]) -> None:
-    """Raise `DeviceError` where a node of the cell speaks already: this rig would make it two.
-
-    Only before it starts: later, a frame in a node's name may be anybody's, and ends nothing.
-    """
-    places = [config.name for config in cell.config.fieldbuses]
-    speaks = {
-        (entry.bus, base(entry.section.node)): entry.section.node
-        for entry in cell.devices
-        if isinstance(entry.section, CanOpenNodeSection)
-        for base in (can301.heartbeat_id, can301.tpdo1_id)
-    }
-    end_s = time.monotonic() + LISTEN_PERIODS * cell.config.timing.heartbeat_period_s
-    while time.monotonic() < end_s:
-        for name, bus in zip(places, buses, strict=True):
-            while (message := bus.recv(0)) is not None:
-                node = speaks.get((name, message.arbitration_id))
-                if node is not None:
-                    raise DeviceError(f"node {node} speaks on {name}: another rig, or an arm?")
-        time.sleep(POLL_S)
 
 
 def _prefer() -> None:

@@ -8,9 +8,9 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.bus import LoopbackBus
 from telerobot.drivers.device import DeviceError
+from telerobot.drivers.rig.realtime import refuse_second
 from telerobot.server import process
 from telerobot.tools.commands import rig
-from telerobot.tools.commands.rig import refuse_second
 
 
 @pytest.mark.parametrize("can_id", [0x703, 0x183], ids=["heartbeat", "answer"])
