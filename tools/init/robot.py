@@ -190,7 +190,6 @@ def movable(joint: ET.Element) -> bool:
 DENSITY: Final = 1000.0
 """Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
 ROUGH_MASS: Final = 0.1  # of a link that has no shape either [kg]
-LIGHT: Final = 1e-9  # bodies have more inertia than this [kg·m²]
 
 
 @dataclass(frozen=True)

@@ -326,7 +326,6 @@ def _stamped(viewer: Viewer, camera: str, data: bytes) -> tuple[str, int, object
 
 # --- `telerobot record CELL`: a running cell as MCAP files, by a process of its own ---------------
 POLL_S: Final = 0.01
-RETRY_S: Final = 0.5  # while nobody answers, the daemon is dialled again after [s]
 
 
 def run(args: argparse.Namespace) -> int:

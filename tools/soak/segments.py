@@ -7,7 +7,6 @@ import numpy as np
 
 from ...config.load import Cell
 from ...config.schema.null_space import OBJECTIVES
-from ...config.schema.sources import ScheduleSection
 from ...protocols.messages.messages import Frame
 from ..scripts.script import Script, Step
 
@@ -458,23 +457,6 @@ def _objective(draw: Draw, cell: Cell) -> dict[str, Any]:
     if name == "posture":
         found["posture"] = str(draw.choice(sorted(cell.config.mechanism.postures)))
     return found
-
-
-def schedules(draw: Draw) -> tuple[ScheduleSection, ...]:
-    """Return gain schedules, some of them steep; those of the position source let it settle."""
-    found = []
-    for source in ("joystick", "position", "force"):
-        by = str(draw.choice(["distance", "time", "contact_force"][: 2 + (source != "position")]))
-        end = {"contact_force": 30.0, "distance": 0.2, "time": 6.0}[by]
-        at = np.sort(draw.uniform(0.0, end, 3)) + np.array([0.0, 1e-3, 2e-3])
-        factor = np.sort(draw.uniform(0.2, 1.0, 3))
-        if source == "position":
-            factor[-1] = 1.0
-        if by == "distance":
-            factor = factor[::-1]
-        table = {"at": tuple(at.tolist()), "factor": tuple(factor.tolist())}
-        found.append(ScheduleSection.model_validate({"source": source, "by": by, **table}))
-    return tuple(found)
 
 
 # --- What hostile operators do to a cell, seed by seed, and how order is restored after them ------

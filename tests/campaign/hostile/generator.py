@@ -16,6 +16,7 @@ import numpy as np
 from laboratory.oracle.feasible import GoalJudge
 from laboratory.oracle.poses import Array, difference, rotation
 from telerobot.config.load import Cell, altered
+from telerobot.config.schema.sources import ScheduleSection
 from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.soak.segments import (
     HOSTILE_S,
@@ -24,7 +25,6 @@ from telerobot.tools.soak.segments import (
     Draw,
     hostile,
     restored,
-    schedules,
     step,
 )
 
@@ -84,7 +84,7 @@ def generate(cell: Cell, seed: int) -> HostilePlan:
     if not furnished:
         cell = opened(cell)
     if draw.random() < SCHEDULED:
-        cell = altered(cell, {"schedules": schedules(draw)})
+        cell = altered(cell, {"schedules": _schedules(draw)})
     if draw.random() < GRIPPING:
         cell = with_gripper(draw, cell)
     if draw.random() < MOVING:
@@ -156,3 +156,20 @@ def _approach(draw: Draw, goal: Goal, nudged: bool) -> list[Step]:
         steps.append(step(at_s + 0.3, {"cmd/joystick": stick}))
         steps.append(step(at_s + 1.3, {"cmd/joystick": {"twist": (0.0,) * 6}}))
     return steps
+
+
+def _schedules(draw: Draw) -> tuple[ScheduleSection, ...]:
+    """Return gain schedules, some of them steep; those of the position source let it settle."""
+    found = []
+    for source in ("joystick", "position", "force"):
+        by = str(draw.choice(["distance", "time", "contact_force"][: 2 + (source != "position")]))
+        end = {"contact_force": 30.0, "distance": 0.2, "time": 6.0}[by]
+        at = np.sort(draw.uniform(0.0, end, 3)) + np.array([0.0, 1e-3, 2e-3])
+        factor = np.sort(draw.uniform(0.2, 1.0, 3))
+        if source == "position":
+            factor[-1] = 1.0
+        if by == "distance":
+            factor = factor[::-1]
+        table = {"at": tuple(at.tolist()), "factor": tuple(factor.tolist())}
+        found.append(ScheduleSection.model_validate({"source": source, "by": by, **table}))
+    return tuple(found)
