@@ -1,6 +1,7 @@
 """What each test may cost; and a small cell of three joints, as files that a test may spoil."""
 
 import gc
+import os
 import resource
 import sys
 from collections import defaultdict
@@ -9,6 +10,10 @@ from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
+
+# As the commands have it, however the tests are started; must stand before numpy is imported.
+# Several threads that wait for each other in a small matrix cost up to forty times its time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from telerobot.config.load import load_cell

@@ -1,4 +1,6 @@
 import ast
+import os
+import subprocess
 import sys
 import tomllib
 from collections import defaultdict
@@ -31,6 +33,19 @@ def test_links_are_relative_so_that_the_tree_can_move():
 
 def test_rewritten_tests_are_kept_whatever_the_environment_says_of_bytecode():
     assert not sys.dont_write_bytecode
+
+
+def test_matrices_are_computed_on_one_thread_whatever_the_environment_says():
+    """Else a test of some seconds is charged for threads that wait for a processor."""
+    code = (
+        "import os, runpy; runpy.run_path('tests/conftest.py'); import numpy;"
+        "print(len(os.listdir('/proc/self/task')))"
+    )
+    bare = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=bare, capture_output=True, check=True
+    )
+    assert int(ran.stdout) == 1
 
 
 def test_data_travels_with_the_package():
