@@ -364,6 +364,12 @@ def rover_disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
         return
     if config.scanner is None:
         yield "contour: there is no [scanner] that sees it"
+    base = config.mechanism.base
+    if base is not None and base.objectives:
+        yield (
+            f"mechanism.base.objectives: value '{base.objectives[0]}': a base with a [contour] "
+            "ahead drives as it is asked alone, since nobody looks where else it would go"
+        )
     names = [joint.name for joint in robot.joints]
     beside = config.mechanism.beside_chain
     for key in ("shoulder", "elbow"):

@@ -144,6 +144,18 @@ class WheelsSection(Section):
         return self
 
 
+PostureObjective = Literal[
+    "mid_range",
+    "manipulability",
+    "posture",
+    "gravity_torque",
+    "holding_torque",
+    "sigma_min",
+    "condition",
+]
+"""Objectives that depend on the arm's posture alone, wherever the base is."""
+
+
 class DrivenSection(Section):
     """What an operator drives as a whole, beside the tool, by `cmd/drive`."""
 
@@ -155,6 +167,12 @@ class DrivenSection(Section):
         description="cost of arm motion over that of the base, in its units [1]",
     )
     speed: float = Field(0.5, gt=0, le=10, description="cmd/drive asks for at most [m/s]")
+    objectives: tuple[PostureObjective, ...] = Field(
+        (),
+        description="while one of these redundancy objectives acts, self-motion is that of base "
+        "and arm together, as long as the tool is led in World and nobody drives: the base moves "
+        "by itself below a tool that stays",
+    )
 
     @property
     def most(self) -> tuple[float, ...]:

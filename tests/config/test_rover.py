@@ -164,3 +164,14 @@ def test_a_chassis_whose_shape_reaches_below_the_floor_stands_on_its_wheels(cell
     base = int(model.joint("base_free").qposadr[0])
     assert data.qpos[base + 2] == pytest.approx(0.0, abs=0.01)
     assert np.abs(data.qvel[model.joint("base_free").dofadr[0] :][:3]).max() < 0.05
+
+
+def test_a_base_with_a_contour_ahead_does_not_move_by_itself(cell):
+    words = r"mechanism.base.objectives: value 'posture': a base with a \[contour\] ahead drives"
+    with pytest.raises(ConfigError, match=words):
+        cell('extends = "rover_bridge"\n[mechanism.base]\nobjectives = ["posture"]')
+
+
+def test_a_base_takes_part_in_objectives_of_the_arms_posture_alone(cell):
+    with pytest.raises(ConfigError, match=r"mechanism.base.objectives\[0\]: .*'along'"):
+        cell('extends = "rover"\n[mechanism.base]\nobjectives = ["along"]')

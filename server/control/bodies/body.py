@@ -74,9 +74,16 @@ class Resolver:
         return JointRates(dq, self._redundancy.none())
 
     def rates(
-        self, seen: ArmMeasurement, request: RateRequest, shares: Shares | None = None
+        self,
+        seen: ArmMeasurement,
+        request: RateRequest,
+        shares: Shares | None = None,
+        whole: bool = False,
     ) -> JointRates:
-        """Return joint rates at the commanded posture."""
+        """Return joint rates at the commanded posture.
+
+        `whole`: objectives look at the tool as all joints move it, not at their own joints alone.
+        """
         q = seen.commanded.motion.q
         shares, held = self._even if shares is None else shares, request.held
         if held is not None and shares is self._even:
@@ -91,7 +98,7 @@ class Resolver:
         task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:
-            plain, J = task.null, k.J if self._own is None else self._own * k.J
+            plain, J = task.null, k.J if self._own is None or whole else self._own * k.J
             near = None if self._priority is None else seen.near
             if D is not None and (view is not None or near is not None):
                 plain = np.linalg.qr((task.null * D).T)[0].T

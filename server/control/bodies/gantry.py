@@ -34,7 +34,7 @@ class GantryArm(DrivenArm):
         """Build it."""
         self._axes = len(section.joints)
         rails = slice(0, self._axes)
-        super().__init__(rails, section.weight, p, mechanism, redundancy, field)
+        super().__init__(rails, section, p, mechanism, redundancy, field)
 
     @classmethod
     def builder(cls, cell: Cell) -> Builder | None:

@@ -6,7 +6,10 @@ arm works alone, to the cell's `weight`.
 
 Relative to Base the arm works alone, and the base goes as it is driven. Relative to World an
 operator's drive is z, which the arm answers, so that the tool stands or goes on as asked while the
-base drives past below. Without a drive the base follows a tool that is asked to go.
+base drives past below. Without a drive the base follows a tool that is asked to go. For the
+objectives that the cell names, η_s is of the whole robot (eq. 7): the base takes its part in what
+they ask of the arm. They depend on the arm's posture alone, so they ask nothing of the base itself,
+and its own columns count in the manipulability whose slope they climb.
 """
 
 from functools import partial
@@ -14,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from ....config.load import Cell
-from ....config.schema.mechanism import DifferentialBaseSection
+from ....config.schema.mechanism import DifferentialBaseSection, DrivenSection
 from ..inputs import DriveRequest, Inputs
 from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
@@ -42,17 +45,18 @@ class DrivenArm(SerialArm):
     def __init__(
         self,
         joints: slice,
-        weight: float,
+        section: DrivenSection,
         p: Parameters,
         mechanism: Mechanism,
         redundancy: Redundancy,
         field: Field,
     ) -> None:
-        """Build it; `joints` of the base cost `weight` less than the arm's [1]."""
+        """Build it; `joints` are the base's."""
         super().__init__(p, mechanism, redundancy, field)
         n, self._base = p.joints.n, joints
         self._alone, self._with = np.ones(n), np.ones(n)
-        self._alone[joints], self._with[joints] = STANDING, weight
+        self._alone[joints], self._with[joints] = STANDING, section.weight
+        self._shared = section.objectives
         self._arm_only = np.ones(n)
         self._arm_only[joints] = 0.0
         self._resolver = Resolver(p, redundancy, field, mechanism, self._arm_only)
@@ -96,9 +100,11 @@ class DrivenArm(SerialArm):
         if moving:
             base = self.driven(inputs.drive, inputs.settings.speed_factor)
         driven = bool(np.count_nonzero(base))
-        twist, part = request.twist, 0.0
+        twist, part, whole = request.twist, 0.0, False
         if not (on_base or driven) and request.spare:
-            part = self.follows(twist, request)
+            gains = request.objectives.gains
+            whole = any(gains[name] > 0.0 for name in self._shared)
+            part = 1.0 if whole else self.follows(twist, request)
         if driven and not on_base:
             twist = twist - k.J[:, self._base] @ base
             request = request._replace(twist=twist)
@@ -107,7 +113,7 @@ class DrivenArm(SerialArm):
         alone, held = bool(D[0] == STANDING), request.held
         ranks = self._ranks if held is None else held.ranks
         shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
-        found = self._resolver.rates(seen, request, shares)
+        found = self._resolver.rates(seen, request, shares, whole)
         if not alone:
             return found
         dq = found.dq
@@ -139,7 +145,7 @@ class WheeledArm(DrivenArm):
         field: Field,
     ) -> None:
         """Build it."""
-        super().__init__(WHEELS, section.weight, p, mechanism, redundancy, field)
+        super().__init__(WHEELS, section, p, mechanism, redundancy, field)
         self._rolling = DifferentialDrive(section.wheels.radius, section.wheels.track)
         self.relief[WHEELS] = 0.0
 
