@@ -20,14 +20,10 @@ from ...protocols.messages.telemetry import Description, Event, State, TaskDescr
 from ...protocols.topics import Role
 from ...server.process import Clock, MonotonicClock
 from ..host.address import moved
-from .protocol_client import NoLease, OnReply, ProtocolClient, RoundTrip
+from .protocol_client import NoLease, OnReply, ProtocolClient, RoundTrip, ignore
 
 # --- Live connection of an operator to a daemon: session, telemetry, keepalive, streams, lease ----
 POLL_S = 0.002
-
-
-def ignore(_told: object) -> None:
-    """Take in what is told, and do nothing."""
 
 
 class OperatorError(Exception):

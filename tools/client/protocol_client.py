@@ -34,6 +34,10 @@ KEEPALIVE_S = 0.1
 STREAM_S = 0.01
 
 
+def ignore(_told: object) -> None:
+    """Take in what is told, and do nothing."""
+
+
 class NoLease(Exception):
     """The client cannot do what it was asked: it holds no lease."""
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from ...protocols.messages.telemetry import Event
-from ..client.operator import Operator, OperatorError, ignore
+from ..client.operator import Operator, OperatorError
+from ..client.protocol_client import ignore
 from ..host.address import cell_from
 from ..host.progress import say
 from ..operator.terminal import Console, Decoder, KeyboardTeleop, is_terminal

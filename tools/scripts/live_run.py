@@ -11,7 +11,8 @@ from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
 from ...server.control.spatial import Pose, rotation_log
-from ..client.operator import POLL_S, Operator, ignore
+from ..client.operator import POLL_S, Operator
+from ..client.protocol_client import ignore
 from ..operator.words import event_line
 from .player import Phase, Player
 from .script import Script

@@ -16,7 +16,7 @@ from ...protocols.messages.perception import ObstacleNews, RigMotion
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State
 from ...protocols.proof import random_key
-from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put
+from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put, ignore
 from ..client.reflection import ReflectingClient
 from .generators import Handles, InsertionMotion, MasterHandle, ObstacleMotions, TargetMotion
 from .script import (
@@ -228,7 +228,7 @@ class Player:
         self.start_s = 0.0  # beginning of the script's time, on the clock of `run`
         self.refused: list[str] = []  # steps that the daemon refused, with its reasons
         self.failure = ""
-        self.on_step: Callable[[Step], None] = _ignore
+        self.on_step: Callable[[Step], None] = ignore
         """Called with every step just before it is done."""
         self.operators = Operators(cell, put, ask, script.network, reflection, new_key)
         self.client = self.operators["operator"]
@@ -407,7 +407,3 @@ class Player:
                 self.refused.append(f"{at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
 
         return note
-
-
-def _ignore(_step: Step) -> None:
-    """Stand in for a listener."""
