@@ -18,7 +18,7 @@ from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Array, Pose
 from ..client.operator import Operator, OperatorError
-from ..client.protocol_client import NoLease, ProtocolClient
+from ..client.protocol_client import NoLease, ProtocolClient, ignore
 from ..host.address import cell_from
 from ..host.progress import say
 from ..scripts.player import Phase
@@ -256,18 +256,25 @@ class Leader(Protocol):
 L = TypeVar("L", bound=Leader)
 
 
-def _lead(operator: Operator, leader: L, longest_s: float = LONGEST_S) -> L:
-    """Let a leader lead a daemon's arm to the end; needs the lease and an enabled arm."""
-    operator.on_state = leader.run
-    try:
-        operator.spin(longest_s, lambda: leader.over)
-    finally:
-        operator.on_state = lambda _state: None
-    return leader
+def _lead(cell: Cell, made: Callable[[ProtocolClient], L], longest_s: float) -> L:
+    """Let a leader, made with its client, lead a daemon's arm to the end.
+
+    Raises `OperatorError`.
+    """
+    with Operator(cell, name="identify") as operator:
+        operator.acquire()
+        operator.enable()
+        leader = made(operator.client)
+        operator.on_state = leader.run
+        try:
+            operator.spin(longest_s, lambda: leader.over)
+        finally:
+            operator.on_state = ignore
+        return leader
 
 
 def _lead_simulated(cell: Cell, made: Callable[[ProtocolClient], L]) -> L:
-    """Let a leader, made with its client, lead a cell's virtual hardware in virtual time.
+    """Let a leader lead a cell's virtual hardware, in virtual time.
 
     Raises `NotIdentified` where the simulation fails.
     """
@@ -288,42 +295,48 @@ def _lead_simulated(cell: Cell, made: Callable[[ProtocolClient], L]) -> L:
 
 
 def identify(
-    operator: Operator,
-    stops: list[AttitudeStop],
-    say: Callable[[str], None],
-    subject: Subject | None = None,
-) -> list[AttitudeMean]:
-    """Lead a daemon's arm through the stops; needs the lease and an enabled arm.
-
-    Raises `NotIdentified` where it could not go on.
-    """
-    guide = Guide(operator.client, stops, say, subject)
-    return _samples(_lead(operator, guide, min(LONGEST_S, ARRIVE_S * len(stops))))
-
-
-def identify_simulated(
     cell: Cell,
     stops: list[AttitudeStop],
-    say: Callable[[str], None] = lambda _line: None,
+    say: Callable[[str], None] = ignore,
     subject: Subject | None = None,
+    *,
+    simulate: bool,
 ) -> list[AttitudeMean]:
-    """Identify a cell's virtual hardware in virtual time. Raises `NotIdentified`."""
-    return _samples(_lead_simulated(cell, lambda client: Guide(client, stops, say, subject)))
+    """Lead an arm through the stops: a daemon's, or virtual hardware in virtual time.
+
+    Raises `NotIdentified` where it could not go on, `OperatorError`.
+    """
+
+    def made(client: ProtocolClient) -> Guide:
+        return Guide(client, stops, say, subject)
+
+    longest_s = min(LONGEST_S, ARRIVE_S * len(stops))
+    guide = _lead_simulated(cell, made) if simulate else _lead(cell, made, longest_s)
+    if guide.failure or not guide.over:
+        raise NotIdentified(guide.failure or "it took too long")
+    return guide.samples
 
 
-def press_simulated(
+def touch(
     cell: Cell,
     press: Press,
-    say: Callable[[str], None] = lambda _line: None,
+    say: Callable[[str], None] = ignore,
     subject: Subject | None = None,
+    *,
+    simulate: bool,
 ) -> Environment:
-    """Press the tool of a cell's virtual hardware, in virtual time, against what is before it.
+    """Press the tool of an arm, as `identify` leads it, against what is before it.
 
-    Raises `NotIdentified`, or `ConfigError` for a press that the cell does not allow.
+    Raises `NotIdentified`, `OperatorError`, or `ConfigError` for a press that the cell does not
+    allow.
     """
     of = subject_of(cell, None) if subject is None else subject
     environment.allowed(of.part, press)
-    guide = _lead_simulated(cell, lambda c: PressGuide(c, press, say, of.mechanism, of.task))
+
+    def made(client: ProtocolClient) -> PressGuide:
+        return PressGuide(client, press, say, of.mechanism, of.task)
+
+    guide = _lead_simulated(cell, made) if simulate else _lead(cell, made, LONGEST_S)
     return environment.environment(of.part, guide)
 
 
@@ -337,23 +350,6 @@ def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
     attitudes = np.array([mechanism.pose_wrist(s.q).R for s in samples]).reshape(-1, 3, 3)
     readings = np.array([s.wrench for s in samples]).reshape(-1, 6)
     return estimate(attitudes, readings, nominal.R)
-
-
-def _samples(guide: Guide) -> list[AttitudeMean]:
-    if guide.failure or not guide.over:
-        raise NotIdentified(guide.failure or "it took too long")
-    return guide.samples
-
-
-def _press_driven(
-    cell: Cell, press: Press, say: Callable[[str], None], subject: Subject
-) -> Environment:
-    environment.allowed(subject.part, press)
-    with Operator(cell, name="identify") as operator:
-        operator.acquire()
-        operator.enable()
-        guide = PressGuide(operator.client, press, say, subject.mechanism, subject.task)
-        return environment.environment(subject.part, _lead(operator, guide))
 
 
 # --- `telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion;
@@ -374,8 +370,7 @@ def run(args: argparse.Namespace) -> int:
 def _payload(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
     part = subject.part
     stops = attitudes(part, args.posture or "ready", args.attitudes, args.room)
-    lead = identify_simulated if args.simulate else _driven
-    found = judge(part, lead(cell, stops, say, subject))
+    found = judge(part, identify(cell, stops, say, subject, simulate=args.simulate))
     if args.json:
         return json.dumps(as_dict(part, found))
     return f"{table(found)}\n\n{snippet(part, found)}"
@@ -384,18 +379,8 @@ def _payload(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
 def _environment(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
     along = Along.of(args.along)
     press = Press(along, args.way, args.force, args.posture)
-    lead = press_simulated if args.simulate else _press_driven
-    found = lead(cell, press, say, subject)
+    found = touch(cell, press, say, subject, simulate=args.simulate)
     gains = propose(subject.part, found, along)
     if args.json:
         return json.dumps(environment.as_dict(subject.part, found, gains))
     return environment.report(subject.part, found, gains)
-
-
-def _driven(
-    cell: Cell, stops: list[AttitudeStop], say: Callable[[str], None], subject: Subject | None
-) -> list[AttitudeMean]:
-    with Operator(cell, name="identify") as operator:
-        operator.acquire()
-        operator.enable()
-        return identify(operator, stops, say, subject)

@@ -8,7 +8,7 @@ from telerobot.config.schema.section import PoseSection
 from telerobot.server.control import spatial
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import wrench_to
-from telerobot.tools.identify.cli import Guide, identify_simulated, judge
+from telerobot.tools.identify.cli import Guide, identify, judge
 from telerobot.tools.identify.estimate import attitudes
 from telerobot.tools.scripts.player import Phase
 from telerobot.tools.scripts.script import Script
@@ -109,7 +109,7 @@ def askew(cell, mass, degrees, bias=BIAS):
 )
 def test_whatever_the_arm_is_rated_for_is_identified_on_a_sensor_that_is_askew(name, mass, degrees):
     cell, R, com = askew(load_cell(name), mass, degrees)
-    found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 8, 0.15)))
+    found = judge(cell, identify(cell, attitudes(cell, "ready", 8, 0.15), simulate=True))
     assert found.mass == pytest.approx(mass, rel=0.01)
     assert np.linalg.norm(com - found.com) < 0.005
     off = np.linalg.norm(spatial.rotation_log(R.T @ found.R_wrist_sensor))
@@ -140,7 +140,7 @@ def test_a_push_stops_an_identification(pa10, target, vector):
 
 def test_a_tool_on_a_bad_sensor_is_identified_and_then_weighs_nothing(pa10):
     cell = unknown_tool(pa10)
-    found = judge(cell, identify_simulated(cell, attitudes(cell, "ready", 24, 0.15)))
+    found = judge(cell, identify(cell, attitudes(cell, "ready", 24, 0.15), simulate=True))
     off = np.rad2deg(np.linalg.norm(spatial.rotation_log(TRUE.T @ found.R_wrist_sensor)))
     assert found.mass == pytest.approx(MASS, rel=0.01)
     assert np.linalg.norm(COM - found.com) < 0.005

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
-from telerobot.tools.identify.cli import press_simulated
+from telerobot.tools.identify.cli import touch
 from telerobot.tools.identify.environment import Along, Press, propose
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -32,7 +32,7 @@ def before_a_wall(stiffness, damping, free=0.006):
 def told(stiffness, damping):
     """Return what is told of a wall, and what is proposed for it."""
     cell = before_a_wall(stiffness, damping)
-    found = press_simulated(cell, PRESS)
+    found = touch(cell, PRESS, simulate=True)
     return found, propose(cell, found, PRESS.along)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.tools.identify.cli import identify_simulated, judge, snippet, subject_of
+from telerobot.tools.identify.cli import identify, judge, snippet, subject_of
 from telerobot.tools.identify.estimate import attitudes
 
 
@@ -16,7 +16,7 @@ def cell():
 def test_the_sensor_of_the_named_arm_is_identified(cell):
     subject = subject_of(cell, "right")
     stops = attitudes(subject.part, "ready", 6, 0.15)
-    samples = identify_simulated(cell, stops, subject=subject)
+    samples = identify(cell, stops, subject=subject, simulate=True)
     measured = [stop.q for stop in stops if stop.measure]
     np.testing.assert_allclose([s.q for s in samples], measured, atol=2e-3)
     found = judge(subject.part, samples)
