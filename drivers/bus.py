@@ -6,12 +6,14 @@
 
 import contextlib
 import ctypes
+import os
 import select
 import socket
 import struct
 import time
 from collections import deque
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any, Final
 
 import can
@@ -316,3 +318,34 @@ def hear_only(bus: can.BusABC, identifiers: Collection[int]) -> None:
         bus.set_filters(
             [{"can_id": each, "can_mask": _STANDARD, "extended": False} for each in identifiers]
         )
+
+
+# --- Which buses this machine has: the kernel's, and whether it lets open one --------------------
+_ARPHRD_CAN: Final = "280"
+
+
+def can_interfaces(root: Path = Path("/sys/class/net")) -> dict[str, str]:
+    """Return the kernel's CAN interfaces with their state, such as `up`."""
+    found: dict[str, str] = {}
+    for device in sorted(root.glob("*")):
+        try:
+            if (device / "type").read_text().strip() == _ARPHRD_CAN:
+                found[device.name] = (device / "operstate").read_text().strip()
+        except OSError:
+            continue  # an interface that went away while we looked
+    return found
+
+
+def kernel_can_refusal() -> str:
+    """Return why this kernel opens no CAN socket, or nothing."""
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
+def vcan_available(root: Path = Path("/sys/module"), modules: Path = Path("/lib/modules")) -> bool:
+    """Return whether the kernel has virtual CAN, loaded or as a module."""
+    here = modules / os.uname().release / "kernel/drivers/net/can"
+    return (root / "vcan").exists() or any(here.glob("vcan.ko*"))

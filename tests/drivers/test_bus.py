@@ -12,7 +12,7 @@ import msgpack
 import pytest
 from telerobot.config.schema.bus import BusSection
 from telerobot.drivers import bus as buses
-from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, open_bus
+from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, can_interfaces, open_bus
 from telerobot.drivers.device import DeviceError
 
 IP_MULTICAST_ALL = 49
@@ -279,3 +279,11 @@ def test_frames_cross_the_kernels_virtual_can(vcan: str) -> None:
     assert a.recv(0) is None
     a.shutdown()
     b.shutdown()
+
+
+def test_can_interfaces_are_told_from_others(tmp_path):
+    for name, kind, state in (("eth0", "1", "up"), ("can0", "280", "down")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n")
+        (tmp_path / name / "operstate").write_text(f"{state}\n")
+    assert can_interfaces(tmp_path) == {"can0": "down"}

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from ...config.load import load_cell
+from ...drivers.bus import can_interfaces, kernel_can_refusal, vcan_available
 from ...server.process import LATENCY, let_sleep, stay_awake
 from ..checks.cell import network
 from ..checks.findings import Finding, Severity, failed, graded, summary, table, to_json
@@ -134,9 +135,9 @@ def _timer(jitter: machine.Jitter, fifo: bool) -> Finding:
 
 
 def _kernel_can() -> Finding:
-    refusal = machine.kernel_can_refusal()
-    interfaces = machine.can_interfaces()
-    vcan = machine.vcan_available()
+    refusal = kernel_can_refusal()
+    interfaces = can_interfaces()
+    vcan = vcan_available()
     listed = ", ".join(f"{name} {state}" for name, state in interfaces.items())
     text = f"{listed or 'no interface'}; vcan {'available' if vcan else 'not available'}"
     if refusal:

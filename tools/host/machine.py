@@ -23,7 +23,6 @@ from ...drivers.fieldbus import Fieldbus
 # --- Rights and timing of this machine; Linux, as the daemon needs it -----------------------------
 PRIORITY: Final = 50
 _MCL_CURRENT: Final = 1
-_ARPHRD_CAN: Final = "280"
 _PROBE: Final = BusSection(channel="239.74.163.250", port=43999)
 _PROBE_ID: Final = 0x123
 _PROBE_DATA: Final = b"telerobo"
@@ -99,33 +98,6 @@ def governor(root: Path = Path("/sys/devices/system/cpu")) -> str | None:
         return (root / "cpu0/cpufreq/scaling_governor").read_text().strip()
     except OSError:
         return None
-
-
-def can_interfaces(root: Path = Path("/sys/class/net")) -> dict[str, str]:
-    """Return the kernel's CAN interfaces with their state, such as `up`."""
-    found: dict[str, str] = {}
-    for device in sorted(root.glob("*")):
-        try:
-            if (device / "type").read_text().strip() == _ARPHRD_CAN:
-                found[device.name] = (device / "operstate").read_text().strip()
-        except OSError:
-            continue  # an interface that went away while we looked
-    return found
-
-
-def kernel_can_refusal() -> str:
-    """Return why this kernel opens no CAN socket, or nothing."""
-    try:
-        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
-    except OSError as error:
-        return error.strerror or str(error)
-    return ""
-
-
-def vcan_available(root: Path = Path("/sys/module"), modules: Path = Path("/lib/modules")) -> bool:
-    """Return whether the kernel has virtual CAN, loaded or as a module."""
-    here = modules / os.uname().release / "kernel/drivers/net/can"
-    return (root / "vcan").exists() or any(here.glob("vcan.ko*"))
 
 
 def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:

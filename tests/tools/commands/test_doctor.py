@@ -37,14 +37,6 @@ def test_a_missed_deadline_is_not_slept_for():
     assert jitter.max == pytest.approx(0.025)
 
 
-def test_can_interfaces_are_told_from_others(tmp_path):
-    for name, kind, state in (("eth0", "1", "up"), ("can0", "280", "down")):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "type").write_text(f"{kind}\n")
-        (tmp_path / name / "operstate").write_text(f"{state}\n")
-    assert machine.can_interfaces(tmp_path) == {"can0": "down"}
-
-
 def test_an_unreadable_governor_is_none_and_a_readable_one_its_name(tmp_path):
     assert machine.governor(tmp_path) is None
     (tmp_path / "cpu0/cpufreq").mkdir(parents=True)
