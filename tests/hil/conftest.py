@@ -181,6 +181,10 @@ class Plant(LocalPlant):
             assert not late, f"{why} within {within_s} s; {self.told()}"
             assert time.monotonic() - wall_s < STUCK_S, f"the physics stand still; {self.told()}"
 
+    def reach(self, operator, within_s):
+        """Wait until an operator's newest goal is reached, within so much physics time [s]."""
+        self.until(lambda: operator.wait_goal(0.0), within_s, "the goal is not reached")
+
     def run_for(self, physics_s):
         """Let so much physics time pass [s]."""
         end_s = self.truth.time_s + physics_s

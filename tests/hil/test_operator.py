@@ -40,10 +40,10 @@ def test_enabled_at_once_after_it_was_disabled_every_drive_is_on(plant):
 def test_a_goal_is_waited_for_from_when_it_was_heard(plant):
     ann = plant.enabled_operator("ann")
     ann.posture("ready")
-    assert ann.wait_goal(20.0)
+    plant.reach(ann, 20.0)
     ann.move_to([0.0, 0.05, 0.0], [0.0, 0.0, 0.0], relative_to="mrf")
     assert not ann.wait_goal(0.02), "at_goal is still that of the posture before"
-    assert ann.wait_goal(20.0)
+    plant.reach(ann, 20.0)
     assert ann.state.target_mrf is not None
     assert ann.state.pose_mrf[:3] == pytest.approx(ann.state.target_mrf[:3], abs=2e-3)
 

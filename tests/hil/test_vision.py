@@ -58,7 +58,7 @@ def test_a_view_is_kept_from_a_platform_that_sways(make_plant, tmp_path):
     plant = make_plant(cell)
     operator = plant.enabled_operator()
     operator.posture("ready")
-    assert operator.wait_goal(20.0)
+    plant.reach(operator, 20.0)
     plant.until(lambda: operator.state.view is not None, 10.0, "the camera sees nothing")
     plant.run_for(0.5)
     judge = ViewJudge(plant.cell)
