@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...config.schema.section import PoseSection
 from ...config.schema.surroundings import CameraSection
+from ...protocols.messages.perception import Sighting
 from ..device import DeviceError
 from .opencv import cv2, dictionary
 
@@ -239,3 +240,14 @@ def _rotation(roll: float, pitch: float, yaw: float) -> Array:
 
 def _angle(A: Array, B: Array) -> float:
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(A.T @ B)) - 1.0))))
+
+
+def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
+    """Return the message of what a picture showed."""
+    return Sighting(
+        camera=camera.name,
+        tick=tick,
+        poses=tuple(c.xyz_rpy for c in sight.candidates),
+        errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
+        quality=sight.quality,
+    )

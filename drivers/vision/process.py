@@ -24,7 +24,7 @@ from ...protocols.messages.telemetry import State
 from ..device import DeviceError
 from ..network.sensor_session import Over, newest
 from ..network.session import Session
-from .detector import Detection, Detector, Picture
+from .detector import Detection, Detector, Picture, told
 from .opencv import save, small_jpeg
 from .video import VideoEncoder
 
@@ -37,17 +37,6 @@ SHOW_EVERY_S = 0.2
 
 Eye = Callable[[], Picture | None]
 """Returns a picture, None where there is none yet. Raises `DeviceError`."""
-
-
-def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
-    """Return the message of what a picture showed."""
-    return Sighting(
-        camera=camera.name,
-        tick=tick,
-        poses=tuple(c.xyz_rpy for c in sight.candidates),
-        errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
-        quality=sight.quality,
-    )
 
 
 class Looker:

@@ -7,42 +7,21 @@ hardware tells. Either way the same code looks at the picture.
 
 import argparse
 from functools import partial
+from typing import TYPE_CHECKING
 
-from ...config.load import Cell, ConfigError
+from ...config.load import ConfigError
 from ...config.schema.surroundings import CameraSection
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
-from ...drivers.vision.detector import Picture
 from ...drivers.vision.device import VideoCamera
 from ...drivers.vision.process import Eye, Looker, PictureWork
 from ...protocols import topics as t
-from ...protocols.messages.rig import RigTruth
 from ...protocols.topics import Role
 from ..host.address import cell_from
 from ..host.local_plant import until_told
 
-
-class _World:
-    """The rig's copy, kept up to date by what the rig tells."""
-
-    def __init__(self, cell: Cell) -> None:
-        from ...drivers.rig.physics.camera import (
-            RigCameras,  # not needed, nor MuJoCo, for real cameras
-        )
-
-        self._cameras = RigCameras(cell)
-        self._truth: RigTruth | None = None
-
-    def on_truth(self, truth: RigTruth) -> None:
-        self._truth = truth
-
-    def picture(self, camera: str) -> Picture | None:
-        """Return what a camera would see, None before the rig has told anything."""
-        truth = self._truth
-        if truth is None:
-            return None
-        base = truth.frames.get("base")
-        return self._cameras.picture(camera, truth.q, truth.covered, truth.tags, base)
+if TYPE_CHECKING:
+    from ...drivers.rig.physics.camera import ToldCameras
 
 
 def run(args: argparse.Namespace) -> int:
@@ -54,7 +33,11 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{cell.path}: cameras: the cell has no {wanted}")
     identity = identity_of(cell, Role.SENSOR, "vision", t.SIGHTING.key)
     over = until_told(args.seconds)
-    world = _World(cell) if any(c.device is None for c in cameras) else None
+    world = None
+    if any(c.device is None for c in cameras):
+        from ...drivers.rig.physics.camera import ToldCameras  # not needed for real cameras
+
+        world = ToldCameras(cell)
     on_truth = None if world is None else world.on_truth
     lookers = [Looker(c, _eye(c, world), cell.config.timing.period_s) for c in cameras]
     if args.pictures is not None:
@@ -70,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _eye(camera: CameraSection, world: _World | None) -> Eye:
+def _eye(camera: CameraSection, world: "ToldCameras | None") -> Eye:
     if world is None or camera.device:
         return VideoCamera(camera).picture
-    return partial(world.picture, camera.name)
+    return partial(world.seen, camera.name)

@@ -1,25 +1,24 @@
 """Simulated sensors of moving frames, cameras and the scanner, in physics time."""
 
 import statistics
-from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.surroundings import CameraSection
+from ...drivers.rig.cameras import Put
 from ...drivers.rig.rig import Rig
 from ...drivers.scanner import decoded
 from ...protocols.codec import encode
-from ...protocols.messages.perception import ContourNews, FrameNews, Sighting
+from ...protocols.messages.perception import ContourNews, FrameNews
 from ...protocols.messages.telemetry import State
 from ...protocols.sick import TelegramCutter
-from ...protocols.topics import CONTOUR, OBSTACLE, SIGHTING, Topic
+from ...protocols.topics import CONTOUR, OBSTACLE, Topic
 from ...server.control.spatial import Pose, rotation_exp
 from ...server.perception.scanning.scanning import SCAN, Looked, Scanning
+from ..client.protocol_client import ignore
 from ..recording.recorder import Recorder
 
 # --- Simulated sensors of moving frames: noisy news at a rate and latency, in physics time --------
@@ -137,41 +136,6 @@ class FrameSensors:
             self._put(news.model_copy(update={"tick": tick}))
 
 
-# --- Cameras of a simulation, each at its rate and latency ----------------------------------------
-Put = Callable[[Topic, bytes], None]
-
-
-@dataclass
-class _Eye:
-    camera: CameraSection
-    due_s: float = 0.0
-    underway: deque[tuple[float, bytes]] = field(default_factory=deque)
-    """Arrival of each sighting [s], and its bytes."""
-
-
-class SimulatedCameras(ABC):
-    """Base of a simulated cell's cameras; subclasses say what is seen."""
-
-    def __init__(self, cameras: Iterable[CameraSection], put: Put) -> None:
-        self._eyes = [_Eye(camera) for camera in cameras]
-        self._put = put
-
-    def run(self, now_s: float, tick: int) -> None:
-        """Hand over what has arrived by `now_s`, and look at what is exposed at SYNC `tick`."""
-        for eye in self._eyes:
-            while eye.underway and eye.underway[0][0] <= now_s + 1e-9:
-                self._put(SIGHTING, eye.underway.popleft()[1])
-            if now_s < eye.due_s - 1e-9:
-                continue
-            eye.due_s = now_s + 1.0 / eye.camera.rate_hz
-            sighting, late_s = self._look(eye.camera, tick)
-            eye.underway.append((now_s + eye.camera.latency_s + late_s, encode(sighting)))
-
-    @abstractmethod
-    def _look(self, camera: CameraSection, tick: int) -> tuple[Sighting, float]:
-        """Return what a camera sees, and how much later than its latency that is told [s]."""
-
-
 # --- The laser scanner of a simulation: telegrams in virtual time, looked at as real ones are -----
 #
 # A search takes time on a real machine, in which the daemon goes on: so what a scan led to is
@@ -190,7 +154,7 @@ class SimulatedScans:
         self._rig, self._put, self._recorder = rig, put, recorder
         self.scanning = Scanning(cell)
         self.newest: Looked | None = None  # the newest scan with its contour
-        self.on_look: Callable[[Looked], None] = _ignore
+        self.on_look: Callable[[Looked], None] = ignore
         """Called with every scan that was looked at."""
         self._frames = TelegramCutter()
         self._underway: deque[tuple[float, Topic, bytes]] = deque()
@@ -227,7 +191,3 @@ class SimulatedScans:
             scan = decoded(found)
             if scan is not None and (refusal := self.scanning.receive(scan, self._rig.time_s)):
                 self.scanning.events.append(refusal)
-
-
-def _ignore(_looked: Looked) -> None:
-    """Stand in for who draws."""

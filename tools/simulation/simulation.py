@@ -17,6 +17,7 @@ from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import VirtualBuses
+from ...drivers.rig.cameras import RenderedCameras
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import encode
@@ -247,8 +248,6 @@ class Simulation:
         if not any(c.device is None for c in self.cell.cameras):
             return None
         try:
-            from .pictures import RenderedCameras
-
             return RenderedCameras(self.cell, self.rig, self.link.put)
         except DeviceError as error:
             self.blind = str(error)

@@ -12,12 +12,12 @@ from pydantic import TypeAdapter
 from ...config.errors import ConfigError
 from ...config.load import load_cell
 from ...config.schema.surroundings import CameraSection
+from ...drivers.rig.cameras import SimulatedCameras
 from ...protocols.messages.perception import PoseVector, Sighting
 from ...protocols.messages.telemetry import Event
 from ...server.control.spatial import Pose, rotation_exp
 from ..host import jobs
 from ..simulation.judges import ViewJudge
-from ..simulation.sensors import SimulatedCameras
 from ..simulation.simulation import Simulation
 from .segments import script
 

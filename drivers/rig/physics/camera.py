@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ....config.load import Cell
 from ....config.schema.section import PoseSection
 from ....config.schema.surroundings import CameraSection, RigTagSection
+from ....protocols.messages.rig import RigTruth
 from ...device import DeviceError
 from ...vision.opencv import cells, marker
 from .drawing import EMISSION, Drawing, Tag
@@ -166,6 +167,25 @@ class RigCameras:
                 words = " ".join(str(error).split())[:120]
                 _unusable.append(f"{type(error).__name__}: {words}")
         return Drawing(self._model, camera, self._tags)
+
+
+class ToldCameras(RigCameras):
+    """The same in a process of its own, by the newest truth that the rig has told."""
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(cell)
+        self._truth: RigTruth | None = None
+
+    def on_truth(self, truth: RigTruth) -> None:
+        self._truth = truth
+
+    def seen(self, camera: str) -> Picture | None:
+        """Return what a camera would see, None before the rig has told anything."""
+        truth = self._truth
+        if truth is None:
+            return None
+        base = truth.frames.get("base")
+        return self.picture(camera, truth.q, truth.covered, truth.tags, base)
 
 
 def _root(body: mujoco.MjsBody) -> mujoco.MjsBody:

@@ -19,9 +19,8 @@ def no_opencv(monkeypatch):
     for name in [n for n in sys.modules if n.startswith("telerobot.drivers.vision.")]:
         monkeypatch.delitem(sys.modules, name)
     pictures = (
-        "drivers.rig.physics.sensors.camera",
-        "drivers.rig.physics.sensors.drawing",
-        "tools.simulation.pictures",
+        "drivers.rig.physics.camera",
+        "drivers.rig.physics.drawing",
     )
     for name in (f"telerobot.{module}" for module in pictures):
         monkeypatch.delitem(sys.modules, name, raising=False)
