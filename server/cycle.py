@@ -284,7 +284,7 @@ class Cycle:
                     f"{name}: {trouble.detail}",
                     **{"device": name, "cause": str(trouble.cause), **trouble.values},
                 )
-        for name in before.keys() - unwell.keys():
+        for name in [name for name in before if name not in unwell]:
             self._events.info("device_well", name, device=name)
 
     def _quick_stop(self, device: str, words: str, event: str) -> None:

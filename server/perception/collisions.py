@@ -440,7 +440,7 @@ class WallMonitor:
             self._events.info("off_wall", "no link stands beyond a wall any more")
 
     def _tell_locked(self, locked: dict[str, float]) -> None:
-        for joint in locked.keys() - self._locked:
+        for joint in [joint for joint in locked if joint not in self._locked]:
             self._events.warning(
                 "joint_locked",
                 f"{joint} stands at {locked[joint]:.3f} rad and does not follow",

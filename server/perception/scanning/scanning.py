@@ -309,7 +309,7 @@ class Scanning:
         for k, box in enumerate(boxes):
             low, high = box.corners(self.plane)
             found[f"scan_{k}"] = T.p + T.R @ (0.5 * (low + high)), 0.5 * (high - low), yaw
-        for name in self._told.keys() - found.keys():
+        for name in [name for name in self._told if name not in found]:
             yield ObstacleNews(name=name, tick=tick, remove=True)
         for name, (centre, half, turn) in found.items():
             before = self._told.get(name)
