@@ -150,7 +150,7 @@ _SAMPLES: Final = 20_000
 
 
 class Tube(NamedTuple):
-    """A capsule in a link's frame."""
+    """A capsule: in a link's frame, or in World what an arm keeps away from."""
 
     start: Array
     end: Array

@@ -14,7 +14,7 @@ from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
 from ..checks.findings import Severity
 from ..checks.loops import stability
-from .capsules import Array
+from .capsules import Array, Tube
 from .draft import (
     HOLDS,
     Draft,
@@ -27,7 +27,7 @@ from .draft import (
     text_of,
 )
 from .robot import UrdfArm, beyond, carried_mass
-from .study import BALL, GradedPosture, Solid, Study, ToolSide, by_design
+from .study import BALL, GradedPosture, Study, ToolSide, by_design
 
 # --- The default script of a cell that `init` makes: it moves, stops, and touches a wall ----------
 WITHIN = 0.2  # the push on the wall is expected within this part of what is asked for [1]
@@ -250,7 +250,7 @@ class _Bench:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "draft.toml"
-        self.beside: list[Solid] = []  # what arms that have been drafted pass through, and the wall
+        self.beside: list[Tube] = []  # what arms that have been drafted pass through, and the wall
 
     def load(self, *drafts: Draft) -> Cell:
         self._path.write_text(text_of(drafts, rolls=False), encoding="utf-8")
@@ -260,11 +260,11 @@ class _Bench:
         return Study(self.load(draft), draft.length, self.beside)
 
 
-def _around(draft: Draft, study: Study) -> list[Solid]:
+def _around(draft: Draft, study: Study) -> list[Tube]:
     """Return the capsules of an arm at all postures that its script leads through, and its wall."""
     moved = study.capsules.moves.any(axis=1)
     found = [
-        Solid(ends[0], ends[1], float(radius))
+        Tube(ends[0], ends[1], float(radius))
         for q in draft.passes
         for ends, radius in zip(
             study.ends(q)[moved], study.capsules.radius[moved].tolist(), strict=True
@@ -274,7 +274,7 @@ def _around(draft: Draft, study: Study) -> list[Solid]:
         centre, normal, half = draft.wall
         across = np.linalg.svd(normal[None])[2][1:]
         found += [
-            Solid(centre + x * half * across[0] - half * across[1],
+            Tube(centre + x * half * across[0] - half * across[1],
                   centre + x * half * across[0] + half * across[1], WALL_HALF)
             for x in (-1.0, -0.5, 0.0, 0.5, 1.0)
         ]  # fmt: skip

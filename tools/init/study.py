@@ -13,7 +13,7 @@ from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.distance import measured
 from ...server.control.scene import empty
 from ...server.control.spatial import Pose
-from .capsules import Array
+from .capsules import Array, Tube
 from .draft import HOLDS, Draft
 
 # --- Search in a cell's own model: free postures, ways of the tool, what always overlaps ----------
@@ -37,18 +37,10 @@ class GradedPosture(NamedTuple):
     sigma: float  # least singular value, of the axes that the arm reaches [m]
 
 
-class Solid(NamedTuple):
-    """A capsule in World that an arm keeps away from."""
-
-    start: Array
-    end: Array
-    radius: float
-
-
 class Study:
     """One arm's kinematics and capsules, and what stands beside it."""
 
-    def __init__(self, cell: Cell, length: float, beside: Sequence[Solid] = ()) -> None:
+    def __init__(self, cell: Cell, length: float, beside: Sequence[Tube] = ()) -> None:
         self.cell, self.beside = cell, bool(beside)
         self.mechanism = Mechanism.from_cell(cell)
         self.capsules = Capsules(cell)
