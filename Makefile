@@ -47,8 +47,7 @@ $(RUNS): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pip>=25.1'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
 	  -e '.[console,record,vision]'
-	@echo "compiling its kernels"
-	@$(BIN)/python -c 'import telerobot.server.daemon, telerobot.drivers.rig.rig'
+	@$(BIN)/python -m telerobot.tools.host.first_start
 	@touch $@
 
 $(STAMP): $(RUNS) $(JS)

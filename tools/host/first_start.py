@@ -1,4 +1,7 @@
-"""A first start: kernels are compiled once for a machine, on all its processors, with progress."""
+"""A first start: kernels are compiled once for a machine, on all its processors, with progress.
+
+`python -m telerobot.tools.host.first_start` compiles all that are not on disk.
+"""
 
 import fcntl
 import multiprocessing
@@ -23,6 +26,8 @@ QUIET_S: Final = 2.0
 WORDS: Final = "telerobot: compiling kernels for this machine, once"
 
 PACKAGE: Final = __package__.partition(".")[0]
+
+_LINES: Final = "--lines"
 
 
 @contextmanager
@@ -56,11 +61,11 @@ def kernels() -> int:
 class _CompileNotice:
     """One line for all kernels; `to` is a terminal or a file."""
 
-    def __init__(self, to: TextIO) -> None:
-        self._to = to
+    def __init__(self, to: TextIO, *, helped: bool = False) -> None:
+        self._to, self._helped = to, helped
         self._began_s: float | None = None
         self._count = 0
-        self._said = self._helped = False
+        self._said = False
         self._bar: tqdm[None] | None = None
 
     def __call__(self, module: str, name: str) -> None:
@@ -106,13 +111,13 @@ def _compile_all() -> Iterator[str]:
 
     Whoever asks compiles what is missing then by himself.
     """
-    command = [sys.executable, "-m", f"{__package__}.first_start"]
+    command = [sys.executable, "-m", f"{__package__}.first_start", _LINES]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         yield from (line.strip() for line in process.stdout or ())
 
 
-def _main() -> None:
-    """Compile all kernels, and print the module of each that was not on disk."""
+def _compiled() -> Iterator[str]:
+    """Compile all kernels; yield the module of each that was not on disk."""
     modules = _with_kernels()
     with compilation.put_off() as makers:
         for module in modules:
@@ -124,7 +129,7 @@ def _main() -> None:
         longest = sorted(modules, key=lambda module: -modules[module])
         with multiprocessing.get_context("fork").Pool(len(os.sched_getaffinity(0))) as pool:
             for module, count in pool.imap_unordered(_make, longest):
-                print(f"{module}\n" * count, end="", flush=True)
+                yield from [module] * count
 
 
 _made: dict[str, list[compilation.Make]] = {}
@@ -133,6 +138,17 @@ _made: dict[str, list[compilation.Make]] = {}
 def _make(module: str) -> tuple[str, int]:
     """Make the kernels of a module; return it, and how many were compiled."""
     return module, sum(make() for make in _made[module])
+
+
+def _main() -> None:
+    """Tell what is compiled: in lines to who helps himself by it, else as `told` does."""
+    news = _CompileNotice(sys.stderr, helped=True)
+    for module in _compiled():
+        if _LINES in sys.argv:
+            print(module, flush=True)
+        else:
+            news(module, module)
+    news.close()
 
 
 if __name__ == "__main__":

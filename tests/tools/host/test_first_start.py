@@ -68,6 +68,19 @@ def test_kernels_that_are_put_off_are_made_when_asked_for(monkeypatch):
     assert first_start._make(__name__) == (__name__, 2)
 
 
+def test_the_command_shows_a_bar_or_a_line_for_each_to_who_reads_them(monkeypatch, capsys):
+    monkeypatch.setattr(first_start, "QUIET_S", 0.0)
+    monkeypatch.setattr(first_start, "_compiled", lambda: iter(["room.one", "room.other"]))
+    monkeypatch.setattr(sys, "stderr", to := Terminal())
+    monkeypatch.setattr(sys, "argv", ["first_start"])
+    first_start._main()
+    assert f" 2/{first_start.kernels()} " in to.getvalue()
+    assert capsys.readouterr().out == ""
+    monkeypatch.setattr(sys, "argv", ["first_start", "--lines"])
+    first_start._main()
+    assert capsys.readouterr().out == "room.one\nroom.other\n"
+
+
 @pytest.mark.slow
 def test_all_are_compiled_at_once_by_a_process_that_says_which_were_not_there():
     assert set(first_start._compile_all()) <= first_start._with_kernels().keys()
