@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.mechanism.redundancy import Redundancy
 from telerobot.server.control.spatial import Pose
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import simulate
@@ -69,3 +70,16 @@ def test_a_base_that_takes_part_brings_the_arm_back_to_its_posture():
     assert base[-1] > 0.08
     away = [np.linalg.norm(np.array(state.q)[2:] - ready) for state in (last, before)]
     assert away[0] < 0.75 * away[1]
+
+
+@pytest.mark.parametrize("objectives", [("manipulability",), ()])
+def test_wheels_count_in_what_objectives_climb_where_the_base_takes_part(monkeypatch, objectives):
+    wheels, rate = [], Redundancy.rate
+
+    def seen(self, view, *more):
+        wheels.append(np.abs(view.J[:, :2]).max())
+        return rate(self, view, *more)
+
+    monkeypatch.setattr(Redundancy, "rate", seen)
+    stretched(objectives, {"manipulability": 2.0, "posture": 0.0}, 0.2)
+    assert bool(wheels[-1] > 0.01) is bool(objectives)
