@@ -174,9 +174,10 @@ def _of_task(
     for name, grasp in unit.grasps.items():
         shares[name] = tuple(grasp.weights.tolist())
         carried[name] = (grasp.share, grasp.carried)
-    view = view_age = view_error = None
+    view = view_age = view_error = view_error_px = view_law = None
     if vision.watching:
-        view, view_age, view_error = vision.view, vision.age(tick), vision.error
+        view, view_age, view_law = vision.view, vision.age(tick), vision.law
+        view_error, view_error_px = vision.error, vision.error_px
     return {
         "external_torque": None if external is None else tuple(external.tolist()),
         "pose_mrf": output.T_world_mrf.to_xyz_rpy(),
@@ -193,6 +194,8 @@ def _of_task(
         "view": None if view is None else view.to_xyz_rpy(),
         "view_age_ticks": view_age,
         "view_error": view_error,
+        "view_error_px": view_error_px,
+        "view_law": view_law,
         "sources": {name: tuple(twist.tolist()) for name, twist in desired.twists.items()},
         "gains": {name: tuple(gain.tolist()) for name, gain in task.gains.items()},
         "on": dict(settings.on),

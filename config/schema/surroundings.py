@@ -353,6 +353,11 @@ class CameraSection(Section):
         description="further tags on what carries it: any of them tells where `tag` is, all of "
         "them better",
     )
+    law: Literal["pose", "image"] = Field(
+        "pose",
+        description="how its stored view is kept: by the pose of the tag, or by where its corners "
+        "are in the picture; a request may change it",
+    )
     detector: str | None = Field(
         None,
         pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
@@ -400,6 +405,12 @@ class CameraSection(Section):
     def place(self) -> PoseSection:
         """The Lens in that frame."""
         return self.T_wrist_lens or self.T_world_lens or self.T_base_lens or PoseSection()
+
+    @property
+    def tags(self) -> tuple[BoardTagSection, ...]:
+        """All tags of its board, `tag` first."""
+        own = BoardTagSection(tag=self.tag, size=self.tag_size, T_board_tag=PoseSection())
+        return (own, *self.board)
 
     @property
     def centre(self) -> tuple[float, float]:

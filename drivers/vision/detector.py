@@ -8,15 +8,14 @@ proposes its poses, and all corners together decide.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.section import PoseSection
-from ...config.schema.surroundings import CameraSection
+from ...config.schema.surroundings import BoardTagSection, CameraSection
 from ...protocols.messages.perception import Sighting
 from ..device import DeviceError
 from .opencv import cv2, dictionary
@@ -36,6 +35,9 @@ PERIMETER_PX = 32.0
 
 FARTHEST_M = 50.0
 """A tag that is farther away is an error [m]."""
+
+WIDEST = 10.0
+"""Normalised image coordinates beyond are an error: of a lens that sees 84 degrees aside [1]."""
 
 _NUDGE_PX = 1e-6
 """Moves a corner of a perfect parallelogram [px]."""
@@ -80,6 +82,8 @@ class Detection:
     corners: Array | None
     """Corners in the picture (4, 2) [px] of the tag, or of the first of its board that was found:
     clockwise from the upper left."""
+    seen: Mapping[int, Array] = field(default_factory=dict)
+    """Corners (4, 2) of each tag in normalised image coordinates without distortion, by its id."""
 
 
 NOTHING = Detection((), 0.0, None)
@@ -99,8 +103,8 @@ class _Tag(NamedTuple):
         return np.asarray(self.square @ self.R.T + self.p)
 
 
-def _tag(size: float, place: PoseSection) -> _Tag:
-    h = size / 2
+def _tag(section: BoardTagSection) -> _Tag:
+    h, place = section.size / 2, section.T_board_tag
     square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
     return _Tag(square, _rotation(*place.rpy), np.array(place.xyz))
 
@@ -157,8 +161,7 @@ class Detector:
     """Looks for the tag of one camera, and for those that its cell fixes to it."""
 
     def __init__(self, camera: CameraSection) -> None:
-        self._tags = {camera.tag: _tag(camera.tag_size, PoseSection())}
-        self._tags |= {other.tag: _tag(other.size, other.T_board_tag) for other in camera.board}
+        self._tags = {each.tag: _tag(each) for each in camera.tags}
         fx, fy = camera.focal
         cx, cy = camera.centre
         self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -178,7 +181,19 @@ class Detector:
             for each in corners.values()
         )
         quality = min(1.0, side / FINE_PX) * math.exp(-candidates[0].error_px / ROUGH_PX)
-        return Detection(candidates, quality, next(iter(corners.values())))
+        return Detection(
+            candidates,
+            quality,
+            next(iter(corners.values())),
+            dict(self._normalised(corners)),
+        )
+
+    def _normalised(self, corners: Mapping[int, Array]) -> Iterator[tuple[int, Array]]:
+        """Yield each tag's corners without distortion, where that can be taken out."""
+        for tag, pixels in corners.items():
+            points = cv2.undistortPoints(pixels.reshape(-1, 1, 2), self._K, self._distortion)
+            if np.abs(points).max() <= WIDEST:
+                yield tag, np.asarray(points, dtype=float).reshape(-1, 2)
 
     def _poses(self, corners: Mapping[int, Array]) -> tuple[Candidate, ...]:
         """Return the poses that explain the corners (4, 2) of tags, the better one first.
@@ -249,5 +264,6 @@ def told(camera: CameraSection, tick: int, sight: Detection) -> Sighting:
         tick=tick,
         poses=tuple(c.xyz_rpy for c in sight.candidates),
         errors_px=tuple(min(c.error_px, 1e4) for c in sight.candidates),
+        seen=tuple((tag, tuple(corners.ravel().tolist())) for tag, corners in sight.seen.items()),
         quality=sight.quality,
     )

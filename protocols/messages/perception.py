@@ -231,6 +231,14 @@ class AvoidanceRequest(Command):
 CameraName = Annotated[str, Field(min_length=1, max_length=32)]
 PoseVector = tuple[Metres, Metres, Metres, Angle, Angle, Angle]
 Pixels = Annotated[float, Field(ge=0, le=1e4)]
+Coordinate = Annotated[float, Field(ge=-10, le=10)]
+Corners = tuple[
+    Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate
+]
+"""x, y of four corners in turn: normalised image coordinates, x / z and y / z in the Lens [1]."""
+
+MOST_TAGS: Final = 33
+"""Tags of a board at most [1]."""
 
 
 class Sighting(Message):
@@ -239,6 +247,8 @@ class Sighting(Message):
     `tick` is the telemetry tick in which the picture was exposed. `poses` are the one or two poses
     `[x, y, z, roll, pitch, yaw]` [m, rad] of the tag in the Lens that explain its corners, the
     better one first, `errors_px` their reprojection errors; none where the tag is not to be seen.
+    `seen` has each tag of the board that is seen: its id, and its corners without distortion,
+    clockwise from the upper left; a view is kept by its picture only where they are told.
     `quality` is from 0 to 1.
     """
 
@@ -246,6 +256,7 @@ class Sighting(Message):
     tick: Count
     poses: tuple[PoseVector, ...] = Field((), max_length=2)
     errors_px: tuple[Pixels, ...] = Field((), max_length=2)
+    seen: tuple[tuple[Count, Corners], ...] = Field((), max_length=MOST_TAGS)
     quality: float = Field(0.0, ge=0, le=1)
 
     @model_validator(mode="after")
@@ -259,11 +270,13 @@ class StoreView(TaskCommand):
     """Makes what a camera sees now the view that the vision source keeps.
 
     Without a camera's name: of the camera whose view is kept now. `again`: the view that was stored
-    for that camera before, or told by the cell, is kept in place of what it sees now.
+    for that camera before, or told by the cell, is kept in place of what it sees now. `law` says
+    how that camera's view is kept from now on, by pose or by image; none: as before.
     """
 
     camera: CameraName | None = None
     again: bool = False
+    law: Literal["pose", "image"] | None = None
 
 
 # --- Messages of a camera's process for people: one small picture, and a piece of its video -------

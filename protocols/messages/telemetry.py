@@ -62,6 +62,10 @@ class TaskState(Message):
     view_age_ticks: Count | None = None
     view_error: tuple[float, float] | None = None
     """How far the Lens is from the stored view [m], [rad]; of a camera beside the arm, the tag."""
+    view_error_px: float | None = None
+    """How far corners are from where the stored picture has them [px], rms; None: not in both."""
+    view_law: Literal["pose", "image"] | None = None
+    """What keeps the view: the tag's pose, or the stored picture; None without a camera."""
     sources: dict[str, Vector6]
     gains: dict[str, Vector6]
     on: dict[str, bool]

@@ -85,6 +85,18 @@ class StickCommand:
     R_world_axes: Array
 
 
+class Picture(NamedTuple):
+    """Corners as they are seen, and as a stored picture has them."""
+
+    points: Array
+    """Where they are (k, 3) [m]: before a carried Lens in World, else in the carried target."""
+    wanted: Array
+    """Their normalised image coordinates in the stored picture (k, 2) [1]."""
+
+
+NO_PICTURE: Final = Picture(np.zeros((0, 3)), np.zeros((0, 2)))
+
+
 @dataclass(frozen=True)
 class ViewGoal:
     """Where something that moves with the Wrist is to be, so that the view is the desired one."""
@@ -92,9 +104,11 @@ class ViewGoal:
     T_wrist_point: Pose
     """Pose in the Wrist of the thing that is to be moved: a carried Lens, or a carried target."""
     T_world_goal: Pose
-    """Where that is to be, in World."""
-    R_world_lens: Array | None = None
-    """Axes (3, 3) of a Lens that stands in World; None: the moved point is the Lens."""
+    """Where that is to be, in World, by the poses that were seen."""
+    T_world_lens: Pose | None = None
+    """A Lens that stands in World; None: the moved point is the Lens."""
+    picture: Picture = NO_PICTURE
+    """The picture to come to, in place of the pose; without points the pose counts."""
 
 
 class DriveRequest(NamedTuple):

@@ -1,8 +1,9 @@
 """Cameras: which pictures are believed, which view is kept, and who stands in a line of sight."""
 
+import math
 from collections import deque
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ...config.load import Cell
 from ...config.schema.sources import VisionSection
 from ...config.schema.surroundings import CameraSection
 from ...protocols.messages.perception import Sighting
-from ..control.inputs import ViewGoal
+from ..control.inputs import NO_PICTURE, Picture, ViewGoal
 from ..control.mechanism.model import Mechanism
 from ..control.proximity.capsules import Capsules
 from ..control.proximity.distance import measured
@@ -18,7 +19,17 @@ from ..control.scene import Mount, Scene
 from ..control.spatial import Array, Pose, pose_error, sizes
 from ..events import Events
 from ..refusals import Refused, Why
-from .filters import KnownTarget, PictureRejection, SightingBounds, judge
+from .filters import (
+    KnownCorners,
+    KnownTarget,
+    PictureRejection,
+    SightingBounds,
+    in_common,
+    judge,
+    nearest_to,
+    pictured,
+    with_seen,
+)
 
 # --- Vision tracker: which pictures are believed, which view is kept, and the age of both ---------
 #
@@ -26,6 +37,25 @@ from .filters import KnownTarget, PictureRejection, SightingBounds, judge
 # pose of the Wrist at that tick places the target, so that a late picture is no wrong one.
 # Every picture that is not believed, and the view lost and found again, is an event; a row of
 # equal doubts is one.
+#
+# A view is stored as a pose and as a picture, so that either law may keep it (`cameras.law`). A
+# picture is kept by the corners that it has in common with what is seen, by their tags: where
+# nothing of it is seen for as long as a picture may be old, it is lost, whatever else is seen.
+
+Law = Literal["pose", "image"]
+
+
+MODEL: Final = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
+"""Corners (4, 3) of a tag of side 1, clockwise from the upper left [1]."""
+
+
+def board_of(camera: CameraSection) -> dict[int, Array]:
+    """Return the corners (4, 3) [m] of each tag of a camera's board, in the axes of its `tag`."""
+    found = {}
+    for each in camera.tags:
+        T = Pose.from_xyz_rpy(each.T_board_tag.xyz, each.T_board_tag.rpy)
+        found[each.tag] = each.size * MODEL @ T.R.T + T.p
+    return found
 
 
 @dataclass
@@ -35,9 +65,21 @@ class _Track:
     camera: CameraSection
     T_lens: Pose
     """Lens in the Wrist, in World or in Base."""
+    board: dict[int, Array]
+    """Corners (4, 3) of its tags, in the axes of the first [m]."""
     stored: Pose | None = None
     """The target in the Lens as it is to be; None before it was told or stored."""
+    picture: dict[int, Array] = field(default_factory=dict)
+    """The same as corners (4, 2) of its tags in normalised image coordinates [1]."""
+    law: Law = "pose"
+    """How the view is kept."""
     known: KnownTarget | None = None
+    corners: dict[int, KnownCorners] = field(default_factory=dict)
+    """Corners that were seen lately; none without a known target."""
+    common: Picture = NO_PICTURE
+    """What is known and stored, in the anchor; empty where that is too little to tell a view."""
+    lost: bool = False
+    """The target is known, and nothing of the picture that is to be kept is."""
     newest_tick: int = -1
     doubt: PictureRejection | None = None
     """Why the newest picture was not believed."""
@@ -46,6 +88,17 @@ class _Track:
     def carried(self) -> bool:
         """True for a camera on the Wrist."""
         return self.camera.on == "wrist"
+
+    def tell(self, T_lens_target: Pose) -> None:
+        """Store the view in which the target is at a pose, by the board of the cell."""
+        self.stored = T_lens_target
+        R, p = T_lens_target
+        self.picture = _shown({tag: corners @ R.T + p for tag, corners in self.board.items()})
+        self.compare()
+
+    def compare(self) -> None:
+        """Find what is seen of the stored picture."""
+        self.common = in_common(self.corners, self.picture)
 
     def T_world_lens(self, at: "_Place") -> Pose:
         """Return the Lens in World."""
@@ -90,7 +143,7 @@ class VisionTracker:
             *vision.jump_slack,
             vision.smoothing_s,
         )
-        self._tracks = {c.name: _Track(c, _place(c)) for c in cameras}
+        self._tracks = {c.name: _Track(c, _place(c), board_of(c), law=c.law) for c in cameras}
         self.watching = bool(cameras)
         """The cell has cameras."""
         self._places: deque[_Place] = deque(maxlen=self._timeout + 2)
@@ -98,7 +151,7 @@ class VisionTracker:
         """Whose view is kept."""
         if vision.view is not None and self._camera in self._tracks:
             told = Pose.from_xyz_rpy(vision.view.xyz, vision.view.rpy)
-            self._tracks[self._camera].stored = told
+            self._tracks[self._camera].tell(told)
 
     @classmethod
     def from_cell(cls, cell: Cell, events: Events) -> Self:
@@ -136,6 +189,28 @@ class VisionTracker:
             view, stored = view.inverse(), stored.inverse()
         return sizes(pose_error(view, stored))
 
+    @property
+    def law(self) -> Law | None:
+        """How the view is kept; None without a camera."""
+        track = self._tracks.get(self._camera)
+        return None if track is None else track.law
+
+    @property
+    def error_px(self) -> float | None:
+        """How far the corners are from where the stored picture has them [px], rms; None: unknown.
+
+        Of corners that are in both, between two pictures as the arm's own motion has them.
+        """
+        track = self._tracks.get(self._camera)
+        if track is None or not len(track.common.points) or not self._places:
+            return None
+        lens = track.T_anchor_lens(self._places[-1])
+        points = (track.common.points - lens.p) @ lens.R
+        if points[:, 2].min() <= 0.0:
+            return None
+        off = (pictured(points) - track.common.wanted) * track.camera.focal
+        return math.sqrt(float((off**2).sum()) / len(off))
+
     def lens(self) -> Mount | None:
         """Return where the Lens is of the camera whose view is kept."""
         track = self._tracks.get(self._camera)
@@ -167,20 +242,40 @@ class VisionTracker:
         if track.known is None:
             self._tell(track, "info", "view_found", None, sighting.quality)
         track.known, track.doubt = believed, None
+        self._learn(track, sighting, believed)
 
     def update(self, tick: int) -> None:
         """Forget targets that were seen too long ago: the source fades."""
         for track in self._tracks.values():
-            if track.known is not None and tick - track.known.tick > self._timeout:
+            if track.known is None:
+                continue
+            fresh = {t: c for t, c in track.corners.items() if tick - c.tick <= self._timeout}
+            if len(fresh) < len(track.corners):
+                track.corners = fresh
+                track.compare()
+            if tick - track.known.tick > self._timeout:
                 track.known = None
+                track.corners, track.common, track.lost = {}, NO_PICTURE, False
                 self._tell(
                     track, "warning", "view_lost", track.doubt or PictureRejection.NO_PICTURE, None
                 )
+                continue
+            lost = (
+                track.law == "image" and track.stored is not None and not len(track.common.points)
+            )
+            if lost and not track.lost:
+                self._tell(track, "warning", "view_lost", PictureRejection.NOTHING_STORED, None)
+            elif track.lost and not lost:
+                self._tell(track, "info", "view_found", None, None)
+            track.lost = lost
 
-    def store(self, camera: str | None, *, again: bool = False) -> dict[str, float]:
+    def store(
+        self, camera: str | None, *, again: bool = False, law: Law | None = None
+    ) -> dict[str, float]:
         """Keep the present view of a camera, or `again` the one that was stored for it before.
 
-        Returns it. Raises `Refused` where the camera sees nothing, or nothing was stored.
+        By a `law`; None: by that of before. Returns it. Raises `Refused` where the camera sees
+        nothing, or too few corners for a picture, or nothing was stored.
         """
         name = camera or self._camera
         track = self._tracks.get(name)
@@ -190,13 +285,24 @@ class VisionTracker:
         if not again:
             if track.known is None or not self._places:
                 raise Refused(Why.SENSOR_STALE, f"camera {name} sees no tag now")
-            T_anchor_lens = track.T_anchor_lens(self._places[-1])
-            track.stored = T_anchor_lens.inverse() @ track.known.T_anchor_target
+            lens = track.T_anchor_lens(self._places[-1])
+            stored = lens.inverse() @ track.known.T_anchor_target
+            picture = _shown(
+                {tag: (c.points - lens.p) @ lens.R for tag, c in track.corners.items()}
+            )
         elif track.stored is None:
             raise Refused(Why.NOT_NOW, f"no view of camera {name} is stored yet")
-        self._camera = name
+        else:
+            stored, picture = track.stored, track.picture
+        law = law or track.law
+        if law == "image" and not len(in_common(track.corners, picture).points) and not again:
+            raise Refused(Why.SENSOR_STALE, f"camera {name} sees too few corners of a tag now")
+        if law == "image" and not picture:
+            raise Refused(Why.NOT_NOW, f"no picture of camera {name} is stored yet")
+        track.stored, track.picture, track.law, self._camera = stored, picture, law, name
+        track.compare()
         names = ("x", "y", "z", "roll", "pitch", "yaw")
-        return dict(zip(names, track.stored.to_xyz_rpy(), strict=True))
+        return dict(zip(names, stored.to_xyz_rpy(), strict=True))
 
     def require_view(self) -> None:
         """Raise `Refused` where there is nothing that the source could keep."""
@@ -213,12 +319,37 @@ class VisionTracker:
         track = self._tracks.get(self._camera)
         if track is None or track.known is None or track.stored is None:
             return None
+        T_target, picture = track.known.T_anchor_target, NO_PICTURE
+        if track.law == "image":
+            picture = track.common
+            if not len(picture.points):
+                return None
         if track.carried:
-            return ViewGoal(track.T_lens, track.known.T_anchor_target @ track.stored.inverse())
+            return ViewGoal(track.T_lens, T_target @ track.stored.inverse(), picture=picture)
         T_world_lens = track.T_lens
         if track.camera.on == "base":
             T_world_lens = T_world_base @ T_world_lens
-        return ViewGoal(track.known.T_anchor_target, T_world_lens @ track.stored, T_world_lens.R)
+        if len(picture.points):
+            picture = picture._replace(points=(picture.points - T_target.p) @ T_target.R)
+        return ViewGoal(T_target, T_world_lens @ track.stored, T_world_lens, picture)
+
+    def _learn(self, track: _Track, sighting: Sighting, believed: KnownTarget) -> None:
+        """Take in the corners of a picture that was believed."""
+        if not sighting.seen:
+            return
+        place = next(p for p in self._places if p.tick == sighting.tick)
+        T_anchor_lens = track.T_anchor_lens(place)
+        poses = [Pose.from_xyz_rpy(p[:3], p[3:]) for p in sighting.poses]
+        track.corners = with_seen(
+            track.corners,
+            sighting.tick,
+            {tag: np.array(corners).reshape(4, 2) for tag, corners in sighting.seen},
+            track.board,
+            T_anchor_lens,
+            nearest_to(T_anchor_lens.inverse() @ believed.T_anchor_target, poses),
+            self._belief,
+        )
+        track.compare()
 
     def _judge(self, track: _Track, sighting: Sighting) -> KnownTarget | PictureRejection:
         if sighting.tick <= track.newest_tick:
@@ -251,6 +382,11 @@ class VisionTracker:
         tell = self._events.warning if severity == "warning" else self._events.info
         detail = f"camera {track.camera.name}" + (f": {doubt}" if doubt else "")
         tell(name, detail, camera=track.camera.name, reason=doubt, quality=quality)
+
+
+def _shown(boards: dict[int, Array]) -> dict[int, Array]:
+    """Return the picture of tags whose corners (4, 3) are before a Lens [m]."""
+    return {tag: pictured(each) for tag, each in boards.items() if each[:, 2].min() > 0.0}
 
 
 def _place(camera: CameraSection) -> Pose:

@@ -1,14 +1,15 @@
 """Filters of what devices tell: contact by the drives' torques, moving frames, sightings. Pure."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ..control.compiled import MATRIX, NUMBER, TABLE, VECTOR, compiled, evolve, record
-from ..control.inputs import Pushed
+from ..control.inputs import NO_PICTURE, Picture, Pushed
 from ..control.mechanism.model import Dynamics
 from ..control.scene import Body
 from ..control.spatial import (
@@ -654,6 +655,7 @@ class PictureRejection(StrEnum):
     JUMP = "jump"
     LATE = "late"
     OUT_OF_ORDER = "out_of_order"
+    NOTHING_STORED = "nothing_stored_is_seen"
     NO_PICTURE = "no_picture"
 
 
@@ -693,9 +695,84 @@ def judge(
     believable = [p for p in (poses[:1] if apart else poses) if _near(known, p, elapsed, belief)]
     if not believable:
         return PictureRejection.JUMP
-    best = min(believable, key=lambda p: _angle(known.T_anchor_target, p))
+    best = nearest_to(known.T_anchor_target, believable)
     share = 1.0 if belief.smoothing_s == 0.0 else -math.expm1(-elapsed / belief.smoothing_s)
     return KnownTarget(_blend(known.T_anchor_target, best, share), tick)
+
+
+# --- Corners of a board's tags: where each was seen last, what two pictures have in common. Pure --
+#
+# A corner is known in the anchor as its target is: on the ray on which it was seen, as far along
+# that as the pose of the same picture has it. Seen from where that picture was made it looks as it
+# did there, whatever focal length, place of the Lens or size of the tag are wrong.
+
+FLAT: Final = 0.01
+"""Points whose least extent is below this part of the greatest are on a line [1]."""
+
+
+class KnownCorners(NamedTuple):
+    """Corners of one tag as last believed."""
+
+    points: Array
+    """In the anchor (4, 3) [m], filtered as the target's pose is."""
+    tick: int
+
+
+def pictured(points: Array) -> Array:
+    """Return the normalised image coordinates (k, 2) of points (k, 3) before a Lens [m]."""
+    return np.asarray(points[:, :2] / points[:, 2:])
+
+
+def with_seen(
+    known: Mapping[int, KnownCorners],
+    tick: int,
+    seen: Mapping[int, Array],
+    board: Mapping[int, Array],
+    T_anchor_lens: Pose,
+    T_lens_target: Pose,
+    belief: SightingBounds,
+) -> dict[int, KnownCorners]:
+    """Return the known corners after a picture of `tick` that was believed.
+
+    `seen` has the corners (4, 2) of tags in normalised image coordinates, `T_lens_target` is the
+    pose that explains them. Corners that it does not explain are passed over.
+    """
+    found = dict(known)
+    for tag, s in seen.items():
+        if tag not in board:
+            continue
+        model = board[tag] @ T_lens_target.R.T + T_lens_target.p
+        points = np.column_stack([s, np.ones(4)]) * model[:, 2:]
+        if model[:, 2].min() <= 0.0 or np.abs(points - model).max() > belief.slack:
+            continue
+        points = points @ T_anchor_lens.R.T + T_anchor_lens.p
+        before = known.get(tag)
+        if before is not None and belief.smoothing_s > 0.0:
+            elapsed = (tick - before.tick) * belief.period_s
+            share = -math.expm1(-elapsed / belief.smoothing_s)
+            points = before.points + share * (points - before.points)
+        found[tag] = KnownCorners(points, tick)
+    return found
+
+
+def in_common(known: Mapping[int, KnownCorners], stored: Mapping[int, Array]) -> Picture:
+    """Return what is known of a stored picture: at least four corners, and not all on a line.
+
+    Points are in the anchor; empty where there is less.
+    """
+    tags = [tag for tag in stored if tag in known]
+    if not tags:
+        return NO_PICTURE
+    wanted = np.concatenate([stored[tag] for tag in tags])
+    extent = np.linalg.svd(wanted - wanted.mean(axis=0), compute_uv=False)
+    if extent[1] <= FLAT * extent[0]:
+        return NO_PICTURE
+    return Picture(np.concatenate([known[tag].points for tag in tags]), wanted)
+
+
+def nearest_to(T: Pose, poses: Sequence[Pose]) -> Pose:
+    """Return the pose whose attitude is the nearest to that of T."""
+    return min(poses, key=lambda each: _angle(T, each))
 
 
 def _near(known: KnownTarget, T: Pose, elapsed_s: float, belief: SightingBounds) -> bool:

@@ -31,7 +31,7 @@ from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage
-from ..perception.cameras import EVERY
+from ..perception.cameras import EVERY, Law
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
@@ -269,9 +269,9 @@ class Unit:
         """Grasps of one payload: a joint task's alone."""
         return {}
 
-    def keep_view(self, camera: str | None, *, again: bool) -> dict[str, float]:
+    def keep_view(self, camera: str | None, *, again: bool, law: Law | None) -> dict[str, float]:
         """Keep a camera's view of now, or its stored one; return it. Raises `Refused`."""
-        return self.vision.store(camera, again=again)
+        return self.vision.store(camera, again=again, law=law)
 
     @property
     def T_world_mrf(self) -> Pose | None:

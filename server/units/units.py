@@ -32,7 +32,7 @@ from ..control.stop.profile import ramps_in_proportion
 from ..control.tick import Control
 from ..events import Events
 from ..mode import Mode
-from ..perception.cameras import VisionTracker
+from ..perception.cameras import Law, VisionTracker
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
@@ -188,7 +188,7 @@ class JointUnit:
         """The view that is kept, as far as known."""
         return self._sees.vision
 
-    def keep_view(self, camera: str | None, *, again: bool) -> dict[str, float]:
+    def keep_view(self, camera: str | None, *, again: bool, law: Law | None) -> dict[str, float]:
         """Keep the view of now of a camera of any arm, or its stored one; return it.
 
         Raises `Refused`, and goes on with the view of before. Without a name: of the same camera.
@@ -200,7 +200,7 @@ class JointUnit:
                 known = ", ".join(name for u in self.units for name in u.vision.cameras) or "none"
                 raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
             sees = held[0]
-        found = sees.vision.store(camera, again=again)
+        found = sees.vision.store(camera, again=again, law=law)
         self._sees = sees
         return found
 
@@ -649,9 +649,9 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
         case requests.AcknowledgeLoad():
             settings.hear_of_load("acknowledged")
         case StoreView():
-            stored = unit.keep_view(message.camera, again=message.again)
+            stored = unit.keep_view(message.camera, again=message.again, law=message.law)
             name = "view_kept" if message.again else "view_stored"
-            events.info(name, message.camera or "", **stored)
+            events.info(name, message.camera or "", **stored, law=unit.vision.law)
         case _:
             raise Refused(Why.NOT_NOW, f"no service for {type(message).__name__}")
 

@@ -323,14 +323,17 @@ class Motions(ABC):
         else:
             self.command(t.POSTURE, q=tuple(posture))
 
-    def store_view(self, camera: str | None = None, *, again: bool = False) -> None:
+    def store_view(
+        self, camera: str | None = None, *, again: bool = False, law: str | None = None
+    ) -> None:
         """Make what a camera sees now the view that the vision source keeps.
 
         Without a name: of the camera whose view is kept. `again` keeps the view that was stored
-        for the camera before. Raises `OperatorError` where it sees nothing, or nothing was stored.
-        The source moves nothing before it is switched on.
+        for the camera before. `law` keeps it by the tag's "pose" or by its "image" from now on.
+        Raises `OperatorError` where it sees nothing, or nothing was stored. The source moves
+        nothing before it is switched on.
         """
-        self.request(t.STORE_VIEW, camera=camera, again=again)
+        self.request(t.STORE_VIEW, camera=camera, again=again, law=law)
 
     def cancel(self) -> None:
         """Drop target, posture and desired wrench."""

@@ -189,6 +189,7 @@ class Until(ScriptTable):
     distance_m: float | None = Field(None, gt=0, le=10)  # of the measured MRF from its target
     view_error_m: float | None = Field(None, gt=0, le=10)
     view_error_rad: float | None = Field(None, gt=0, le=4)  # from the stored view, at most
+    view_error_px: float | None = Field(None, gt=0, le=1e4)  # the same of its picture, rms
     force_n: float | None = Field(None, gt=0, le=1e5)  # at least, of the tool or the payload
     mode: Literal["ready", "enabled", "hold", "fault"] | None = None
     otherwise: "tuple[Step, ...]" = Field((), alias="else")
@@ -218,6 +219,7 @@ class Until(ScriptTable):
             ("distance_m", off, False),
             ("view_error_m", view[0], False),
             ("view_error_rad", view[1], False),
+            ("view_error_px", told.view_error_px, False),
             ("force_n", force, True),
         ):
             bound = getattr(self, name)
@@ -413,6 +415,7 @@ class Expectations(ScriptTable):
     """Of the farthest joint from the posture that was last asked for, at the end."""
     view_error_m: Bounds | None = None
     view_error_rad: Bounds | None = None  # of the Lens from the stored view, at the end
+    view_error_px: Bounds | None = None  # of the tag's corners from the stored picture, rms
     contact_force_n: Bounds | None = None
     """Mean over the last second, as a sum of magnitudes over the solids that touch."""
     contact_peak_n: Bounds | None = None  # the greatest such sum in any physics step

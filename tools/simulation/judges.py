@@ -28,6 +28,8 @@ from ...server.control.spatial import (
     rotation_rpy,
     sizes,
 )
+from ...server.perception.cameras import board_of
+from ...server.perception.filters import pictured
 from ..scripts.script import Script, Step
 
 
@@ -448,6 +450,21 @@ class ViewJudge:
         if tag.T_wrist_tag is not None:
             return T_world_lens.inverse() @ (T_world_wrist @ placed(tag.T_wrist_tag))
         return T_world_lens.inverse() @ _pose(truth.tags[tag.name])
+
+    def error_px(self, truth: RigTruth) -> float | None:
+        """Return how far corners truly are from where they were stored in the picture [px], rms.
+
+        Of the camera's tag, where its stored view has it; covered or not.
+        """
+        now, stored = self.view(truth), self._stored.get(self._camera)
+        if stored is None or now is None:
+            return None
+        camera = self._eyes[self._camera].camera
+        corners = board_of(camera)[camera.tag]
+        if min((corners @ T.R.T + T.p)[:, 2].min() for T in (now, stored)) <= 0.0:
+            return None
+        off = pictured(corners @ now.R.T + now.p) - pictured(corners @ stored.R.T + stored.p)
+        return math.sqrt(float(((off * camera.focal) ** 2).sum()) / len(off))
 
     def on_event(self, event: Event, truth: RigTruth) -> None:
         self._camera = event.detail or self._camera

@@ -344,6 +344,7 @@ class Simulation:
             "tool_error_rad": None if tool is None else tool[1],
             "view_error_m": None if view is None else view[0],
             "view_error_rad": None if view is None else view[1],
+            "view_error_px": self.view.error_px(self.truths[-1]) if self.truths else None,
             **self._tunnel.figures(),
             "contact_force_n": contact_force(self.truths, period),
             "contact_peak_n": max(

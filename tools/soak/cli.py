@@ -16,6 +16,8 @@ from ...drivers.rig.cameras import SimulatedCameras
 from ...protocols.messages.perception import PoseVector, Sighting
 from ...protocols.messages.telemetry import Event
 from ...server.control.spatial import Pose, rotation_exp
+from ...server.perception.cameras import board_of
+from ...server.perception.filters import pictured
 from ..host import jobs
 from ..simulation.judges import ViewJudge
 from ..simulation.simulation import Simulation
@@ -67,7 +69,16 @@ class ComputedSights(SimulatedCameras):
             p = p + self._draw.uniform(-LEAP, LEAP, 3)
         R = rotation_exp(self._draw.normal(0.0, radians, 3)) @ seen.R
         pose: PoseVector = Pose(R, p).to_xyz_rpy()
-        return Sighting(camera=camera.name, tick=tick, poses=(pose,), errors_px=(0.3,), quality=0.9)
+        corners = board_of(camera)[camera.tag] @ R.T + p
+        near = corners[:, 2].min() > 0.0
+        return Sighting(
+            camera=camera.name,
+            tick=tick,
+            poses=(pose,),
+            errors_px=(0.3,),
+            seen=((camera.tag, tuple(pictured(corners).ravel().tolist())),) if near else (),
+            quality=0.9,
+        )
 
 
 def _shown(camera: CameraSection, seen: Pose) -> bool:

@@ -28,6 +28,7 @@ from ..spatial import (
     wrench_to,
 )
 from ..stop.trajectory import VelocityPlanner
+from .image import view_error
 from .source import Context, Redefined, Shaping, Source
 
 # --- The operator's stick: rates, scaled by K_HC (Williams 1997, section 2.2) ---------------------
@@ -548,6 +549,9 @@ def _sighted(
 # arm's pose at the picture's own instant. The arm's motion since then is thus no error, and the
 # loop has no more delay than the position source's, however late pictures come: what is late is
 # only the news that the target itself has moved.
+#
+# By the image-based law (`image.py`) the corners of a stored picture take the pose's part: all but
+# the error is the same.
 
 
 class VisionState(NamedTuple):
@@ -603,9 +607,10 @@ class Vision(Source[VisionState]):
         self, goal: ViewGoal, T_world_wrist: Pose, p_world_tool: Array, gain: Array, factor: float
     ) -> Array:
         here = T_world_wrist @ goal.T_wrist_point
-        axes = here.R if goal.R_world_lens is None else goal.R_world_lens
+        axes = (goal.T_world_lens or here).R
         speed, turn = factor * self._speed, factor * self._turn
-        error = pose_error(goal.T_world_goal, here)
+        by_image = len(goal.picture.points) > 0
+        error = view_error(goal, here) if by_image else pose_error(goal.T_world_goal, here)
         out = np.zeros(6)
         _ask(axes, error, gain, speed, turn, p_world_tool, here.p, out)
         return out

@@ -38,6 +38,7 @@ def test_a_camera_and_a_tag_are_read(seeing):
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
+        ("tag = 7\n\n[sources", 'tag = 7\nlaw = "pictures"\n\n[sources', "law: value 'pictures'"),
         ('camera = "eye"', 'camera = "eyes"', r"vision\.camera: value 'eyes': no such .*'eye'"),
         ("T_wrist_lens = {", "T_wrist_lense = {", r"cameras\[0\]\.T_wrist_lense: unknown key"),
         ("tag = 7\n\n[sou", "T_world_lens = {}\n\n[sou", r"cameras\[0\]: give one of T_wrist_lens"),

@@ -198,3 +198,41 @@ def test_a_board_with_a_tag_twice_is_bad_usage():
     camera = {"name": "wrist", "T_world_lens": {}, "tag": 9, "board": BOARD}
     with pytest.raises(ValidationError, match="tag 9 is there twice"):
         CameraSection.model_validate(camera)
+
+
+def test_corners_of_each_tag_are_told_where_a_pinhole_without_distortion_has_them(bench, boarded):
+    """Within 0.3 pixels of the truth, by the tag's own sides and places."""
+    from telerobot.server.perception.cameras import board_of
+    from telerobot.server.perception.filters import pictured
+
+    detector, board = boarded
+    truth = facing(0.0, 0.0, 0.6, (0.1, -0.2, 0.1))
+    seen = detector.look(bench.picture(truth, board=board[:1])).seen
+    camera = bench.camera.model_copy(update={"board": board})
+    assert set(seen) == {7, 9}
+    for tag, corners in seen.items():
+        there = pictured(board_of(camera)[tag] @ truth.R.T + truth.p)
+        assert np.abs(560.0 * (corners - there)).max() < 0.3
+
+
+def test_distortion_is_taken_out_of_corners():
+    import cv2
+    from telerobot.config.schema.surroundings import CameraSection
+    from telerobot.drivers.vision.detector import Detector
+
+    distortion = (-0.2, 0.05, 1e-3, -2e-3, 0.0)
+    camera = CameraSection.model_validate(
+        {"name": "eye", "T_world_lens": {}, "distortion": distortion}
+    )
+    points = np.array(
+        [[-0.05, 0.05, 0.0], [0.05, 0.05, 0.0], [0.05, -0.05, 0.0], [-0.05, -0.05, 0.0]]
+    )
+    turn, place = np.array([3.0, 0.2, 0.1]), np.array([0.12, 0.09, 0.5])
+    K = np.array([[560.0, 0.0, 319.5], [0.0, 560.0, 239.5], [0.0, 0.0, 1.0]])
+    pixels = cv2.projectPoints(points, turn, place, K, np.array(distortion))[0].reshape(4, 2)
+    plain = cv2.projectPoints(points, turn, place, np.eye(3), None)[0].reshape(4, 2)
+    detector = Detector(camera)
+    detector._find = lambda _picture: {0: pixels}
+    seen = detector.look(np.zeros((480, 640), np.uint8)).seen
+    np.testing.assert_allclose(seen[0], plain, atol=1e-4)
+    assert np.abs((pixels - [319.5, 239.5]) / 560.0 - plain).max() > 3e-3

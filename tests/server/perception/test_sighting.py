@@ -2,8 +2,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from telerobot.server.control.inputs import NO_PICTURE
 from telerobot.server.control.spatial import Pose, rotation_exp, rotation_log
-from telerobot.server.perception.filters import KnownTarget, PictureRejection, SightingBounds, judge
+from telerobot.server.perception.filters import (
+    KnownCorners,
+    KnownTarget,
+    PictureRejection,
+    SightingBounds,
+    in_common,
+    judge,
+)
 
 BELIEF = SightingBounds(
     period_s=0.01,
@@ -76,3 +84,17 @@ def test_the_filter_forgets_by_its_time_constant_whatever_the_rate(ticks):
     assert 1.01 - known.T_anchor_target.p[0] == pytest.approx(0.01 * left)
     turned = rotation_log(known.T_anchor_target.R)[1]
     assert 0.05 - turned == pytest.approx(0.05 * left)
+
+
+def test_a_picture_of_which_less_than_four_corners_off_a_line_are_known_tells_nothing():
+    square = np.array([[-0.1, 0.1], [0.1, 0.1], [0.1, -0.1], [-0.1, -0.1]])
+    known = {3: KnownCorners(np.ones((4, 3)), 10), 5: KnownCorners(np.full((4, 3), 2.0), 10)}
+    points, wanted = in_common(known, {5: square, 8: square})
+    np.testing.assert_array_equal(points, known[5].points)
+    np.testing.assert_array_equal(wanted, square)
+    assert in_common(known, {8: square}) is NO_PICTURE
+    assert in_common({}, {5: square}) is NO_PICTURE
+    flat = square * [1.0, 0.005]
+    assert in_common(known, {5: flat}) is NO_PICTURE
+    both = in_common(known, {3: flat, 5: flat + np.array([0.0, 0.1])})
+    assert len(both.points) == 8

@@ -21,6 +21,7 @@ rate_hz = 20.0
 latency_s = 0.06
 tag = 7
 tag_size = 0.1
+law = "{law}"
 [[rig.tags]]
 name = "floor"
 T_world_tag = {{ xyz = [0.70, {y}, 0.12] }}
@@ -44,28 +45,29 @@ END = {"left": 0.55, "right": -0.55}
 def cell_seen_by(tmp_path):
     """Return the pair without nodes, with a camera on one of its arms over a tag."""
 
-    def make(arm, more=""):
+    def make(arm, more="", law="pose"):
         text = (HERE / "cells/pa10_pair.toml").read_text()
         text = text[: text.index("# Mouths")]
         text = "\n".join(line for line in text.splitlines() if not line.startswith("pegs"))
         path = tmp_path / "pair.toml"
-        path.write_text(text + LENS.format(arm=arm, y=END[arm]) + more)
+        path.write_text(text + LENS.format(arm=arm, y=END[arm], law=law) + more)
         return load_cell(path)
 
     return make
 
 
-@pytest.mark.parametrize("arm", ["left", "right"])
-def test_a_camera_at_either_end_leads_the_payload_back_to_its_view(play, cell_seen_by, arm):
+@pytest.mark.parametrize(("arm", "law"), [("left", "pose"), ("right", "pose"), ("right", "image")])
+def test_a_camera_at_either_end_leads_the_payload_back_to_its_view(play, cell_seen_by, arm, law):
     run = play(
         {"at_s": 0.3, "operator/store_view": {"camera": "wrist"}},
         {"at_s": 0.3, "operator/switch": {"source": "vision", "on": True}},
         {"at_s": 0.4, "for_s": 0.6, "cmd/joystick": AWAY},
         seconds=4.5,
-        cell=cell_seen_by(arm),
+        cell=cell_seen_by(arm, law=law),
     )
     assert run.summary["refused"] == []
     assert run.summary["limit_violations"] == 0
+    assert run.states[-1].of(run.states[-1].held_by).view_law == law
     assert run.events("view_found")[0].values["mechanism"] == arm
     places = np.array([truth.beam.pose for truth in run.truths])
     assert np.abs(places - places[0])[:, :3].max() > 0.01

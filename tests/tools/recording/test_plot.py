@@ -98,6 +98,27 @@ def test_the_arm_angle_is_drawn_of_every_arm_that_has_one(tmp_path):
         np.testing.assert_allclose(np.radians(line.get_ydata()), drawn, rtol=1e-12)
 
 
+def test_the_error_in_the_picture_is_drawn_as_it_was_told(tmp_path):
+    from matplotlib.figure import Figure
+    from telerobot.config.load import load_cell
+    from telerobot.tools.soak.cli import ComputedSights
+
+    path = tmp_path / "view.mcap"
+    steps = [
+        {"at_s": 0.1, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 2.2, "operator/store_view": {"camera": "wrist"}},
+    ]
+    script = Script.model_validate({"duration_s": 2.5, "step": steps})
+    cell = load_cell("pa10_vision")
+    simulation = Simulation(cell, script, path, cameras=lambda s: ComputedSights(s, seed=0))
+    told = [state.view_error_px for state in simulation.run().states]
+    ax = Figure().add_subplot()
+    assert PANELS["view"](load_recording(path), ax)
+    wanted = [np.nan if each is None else each for each in told]
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), wanted)
+    assert np.isfinite(wanted[-20:]).all()
+
+
 def test_panels_without_anything_to_show_are_left_out(recorded):
     from matplotlib.figure import Figure
 

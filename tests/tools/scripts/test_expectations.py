@@ -44,6 +44,8 @@ def missed(summary=None, **expect):
         ({"peg_depth_m": {"least": 0.0}}, {"peg_depth_m": []}, ["peg_depth_m"]),
         ({"internal_force_n": {"most": 39.0}}, {}, ["internal_force_n"]),
         ({"view_error_m": {"most": 1.0}}, {}, ["view_error_m"]),
+        ({"view_error_px": {"most": 0.5}}, {"view_error_px": 0.5}, []),
+        ({"view_error_px": {"most": 0.5}}, {"view_error_px": 0.6}, ["view_error_px"]),
         ({"wall_force_n": {"most": 1.0}}, {}, ["wall_force_n"]),
         ({"tool_error_m": {"most": 1.0}}, {"tool_error_m": float("nan")}, ["tool_error_m"]),
     ],

@@ -1,7 +1,7 @@
 """Pictures of recorded runs: panels over time, stills, several runs side by side."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -256,14 +256,18 @@ def self_motion(run: RecordedRun, ax: Axes) -> bool:
 
 def arm_angle(run: RecordedRun, ax: Axes) -> bool:
     """Where each arm's elbow is on its circle about the line from shoulder to wrist."""
-    own = {run.cell.parts[0].task: run.states}
-    for name in run.states[0].get("tasks") or {}:
-        own[name] = [state["tasks"].get(name, {}) for state in run.states]
-    for name, states in own.items():
-        values = np.array([_or_nan(state.get("arm_angle")) for state in states])
-        if np.isfinite(values).any():
-            ax.plot(run.time, np.degrees(values), label=name)
+    for name, values in _of_tasks(run, "arm_angle"):
+        ax.plot(run.time, np.degrees(values), label=name)
     return _named(ax, "arm angle φ [°]", bool(ax.lines), legend=len(ax.lines) > 1)
+
+
+def view(run: RecordedRun, ax: Axes) -> bool:
+    """How far corners are from where the stored picture has them, as the daemon told."""
+    for name, values in _of_tasks(run, "view_error_px"):
+        ax.plot(run.time, values, label=name)
+    if ax.lines:
+        ax.set_yscale("log")
+    return _named(ax, "off the stored picture [px]", bool(ax.lines), legend=len(ax.lines) > 1)
 
 
 def granted(run: RecordedRun, ax: Axes) -> bool:
@@ -303,12 +307,24 @@ PANELS: dict[str, Callable[[RecordedRun, Axes], bool]] = {
     "rates": rates,
     "self_motion": self_motion,
     "arm_angle": arm_angle,
+    "view": view,
     "granted": granted,
     "off_path": off_path,
     "tool_path": tool_path,
     "internal_force": internal_force,
 }
 """Panels by name; each returns whether there was anything to draw."""
+
+
+def _of_tasks(run: RecordedRun, figure: str) -> Iterator[tuple[str, Array]]:
+    """Yield a figure of each task that tells it, tick by tick."""
+    own = {run.cell.parts[0].task: run.states}
+    for name in run.states[0].get("tasks") or {}:
+        own[name] = [state["tasks"].get(name, {}) for state in run.states]
+    for name, states in own.items():
+        values = np.array([_or_nan(state.get(figure)) for state in states])
+        if np.isfinite(values).any():
+            yield name, values
 
 
 def _or_nan(value: float | None) -> float:

@@ -78,7 +78,8 @@ def test_of_a_camera_beside_the_arm_gains_act_along_its_own_axes(rng):
     standing = rotation_rpy(-1.8, 0.2, 0.4)
     point = Pose(rotation_rpy(0.5, 0.5, 0.0), np.array([0.0, -0.06, 0.02]))
     goal = Pose((WRIST @ point).R, (WRIST @ point).p + standing @ np.array([0.03, 0.02, 0.04]))
-    rate = settled(ViewGoal(point, goal, standing), gain=np.array([1.0, 0, 0, 1, 1, 1]))
+    lens = Pose(standing, np.array([0.6, -1.1, 0.5]))
+    rate = settled(ViewGoal(point, goal, lens), gain=np.array([1.0, 0, 0, 1, 1, 1]))
     np.testing.assert_allclose(standing.T @ rate[:3], [0.03, 0, 0], atol=1e-9)
 
 

@@ -94,6 +94,18 @@ def test_every_shipped_cell_can_be_plotted(in_node, described):
         assert all(len(row) == 1 for chart in result["rows"].values() for row in chart)
 
 
+def test_the_error_in_the_picture_is_drawn_of_each_task_that_a_camera_may_lead(in_node, described):
+    description = described("pa10_nodes")
+    names = [task["name"] for task in description["tasks"]]
+    tasks = {name: {"view_error_px": float(i)} for i, name in enumerate(names) if i}
+    given = {"description": description, "states": [told(1, view_error_px=7.5, tasks=tasks)]}
+    rows = in_node(ROWS, given)["rows"]["Off the stored picture"]
+    seen = {camera["task"] for camera in description["cameras"]} | {"beam"}
+    assert rows == [[float(i) if i else 7.5] for i, name in enumerate(names) if name in seen]
+    charts = in_node(ROWS, {"description": described("pa10"), "states": []})["rows"]
+    assert "Off the stored picture" not in charts
+
+
 def test_names_reach_the_page_as_text_only():
     modules = [*(STATIC / "scene").rglob("*.js"), *(STATIC / "plots").rglob("*.js")]
     assert len(modules) > 10

@@ -18,6 +18,8 @@ export function createNow(element, choices) {
   const limits = el("ul", { className: "plain limits" });
   const force = el("p", { className: "mono" });
   const near = el("p", { className: "mono" });
+  const seen = el("div", { hidden: true }, el("h2", {}, "Off the stored view"));
+  const view = seen.appendChild(el("p", { className: "mono" }));
   const place = el("p", { className: "mono" });
   const wheels = el("div", { hidden: true }, el("h2", {}, "Base in World"));
   const stands = wheels.appendChild(el("p", { className: "mono" }));
@@ -26,7 +28,7 @@ export function createNow(element, choices) {
   element.append(
     el("h2", {}, "Who moves the tool"), legend, ...rows.map(({ row }) => row),
     el("h2", {}, "Limits that act"), limits, way,
-    el("h2", {}, "Force on the tool"), force,
+    el("h2", {}, "Force on the tool"), force, seen,
     el("h2", {}, "Nearest"), near, el("h2", {}, "Tool in World"), place, wheels,
   );
   let listed = "";
@@ -79,6 +81,12 @@ export function createNow(element, choices) {
       }
       const wrench = own.wrench_mrf;
       setText(force, wrench ? `${wrench.slice(0, 3).map((f) => fixed(f, 1)).join("  ")} N   ${wrench.slice(3).map((m) => fixed(m, 2)).join("  ")} N·m` : "no sensor");
+      const [off, pixels] = [own.view_error, own.view_error_px];
+      seen.hidden = !off && !Number.isFinite(pixels);
+      setText(view, [
+        off ? `${fixed(1000 * off[0], 1)} mm   ${degrees(off[1])}` : "", Number.isFinite(pixels) ? `${fixed(pixels, 1)} px` : "",
+        own.view_law ? `kept by its ${own.view_law === "image" ? "picture" : "pose"}` : "",
+      ].filter(Boolean).join("   "));
       const [gap] = [...state.gaps].sort((a, b) => a[2] - b[2]);
       setText(near, gap ? `${gap[0]} – ${gap[1]}: ${fixed(1000 * gap[2], 0)} mm` : "nothing known");
       const [x, y, z, ...attitude] = own.pose_mrf;

@@ -16,7 +16,7 @@ const least = (all) => (all.length ? Math.min(...all) : null);
  * from a state, null where there is none.
  */
 export function chartsOf(description) {
-  const { tasks, joints, obstacles, sources } = description;
+  const { tasks, joints, obstacles, sources, cameras } = description;
   const told = (state, i) => (i ? state.tasks?.[tasks[i].name] : state);
   const felt = tasks.flatMap((task, i) => (task.force ? [i] : []));
   const shared = tasks.flatMap((task, i) => (task.by.length > 1 ? [i] : []));
@@ -43,6 +43,14 @@ export function chartsOf(description) {
       ],
     });
   }
+  // Tasks that a camera may lead: their own, and those of arms that carry together.
+  const seeing = tasks.flatMap((task, i) => (
+    cameras.some((camera) => camera.task === task.name) || (cameras.length && task.by.length > 1) ? [i] : []));
+  if (seeing.length) charts.push({
+    title: "Off the stored picture", unit: "px", least: 5, low: 0,
+    series: seeing.map((i, k) => ({ name: tasks[i].name, colour: COLOURS[k % COLOURS.length] })),
+    row: (state) => seeing.map((i) => number(told(state, i)?.view_error_px)),
+  });
   const bounded = joints.flatMap((joint, i) => (joint.lower === null ? [] : [{ ...joint, i }]));
   charts.push({
     title: "Joints in their range", unit: "%", range: [-105, 105], bound: 100, tells: "farthest",

@@ -36,6 +36,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     row(act("Tare", "operator/tare", {}, "mechanism"), act("Close gripper", "operator/gripper", { closed: true }, "mechanism"),
       act("Open gripper", "operator/gripper", { closed: false }, "mechanism")),
     row(act("The load is known", "operator/acknowledge_load", {}, "mechanism"), act("Store the view", "operator/store_view", {})),
+    row(act("Keep it by its picture", "operator/store_view", { again: true, law: "image" }), act("by its pose", "operator/store_view", { again: true, law: "pose" })),
     el("div", { hidden: true }, el("h2", {}, "Load of the payload"), load),
     el("h2", {}, "Frames"),
     row(act("Reference here", "operator/frame", { frame: "crf", relative_to: "mrf" }, "task", FRAME_NAMES.crf[1]),
