@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode, encode
 from telerobot.protocols.messages.messages import MOST, VERSION, Message
-from telerobot.protocols.messages.perception import LARGEST_JPEG, MOST_RAYS
+from telerobot.protocols.messages.perception import LARGEST_JPEG, MOST_RAYS, MOST_TAGS
 from telerobot.protocols.messages.requests import Reply
 from telerobot.protocols.topics import bounds_of
 
@@ -46,7 +46,8 @@ LARGEST = [
     (t.JOYSTICK, {"twist": (0.1,) * 6, "handle": (1.0,) * 3}),
     (t.PAYLOAD, {"name": "🤖" * 32, "bias": (0.1,) * 6}),
     (t.SIGHTING, {"camera": "🤖" * 32, "tick": 1, "poses": ((0.1,) * 6,) * 2,
-                  "errors_px": (0.1, 0.2), "quality": 0.5}),
+                  "errors_px": (0.1, 0.2), "quality": 0.5,
+                  "seen": ((2**62, (0.1,) * 8),) * MOST_TAGS}),
     (t.OBSTACLE, {"name": "o" * 32, "tick": 2**62, "shape": "sight_line", "xyz": (0.1,) * 3,
                   "to": (0.1,) * 3, "rpy": (0.1,) * 3, "half_size": (0.1,) * 3, "radius": 0.1,
                   "velocity": (0.1,) * 3, "max_speed": 0.1, "max_acceleration": 0.1,

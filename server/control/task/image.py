@@ -32,6 +32,9 @@ the camera backs off for ever. Asked to turn by at most θ, it is back by the fa
 NEAREST: Final = 1e-3
 """Points nearer to the Lens than this, or behind it, tell nothing [m]."""
 
+WIDEST: Final = 10.0
+"""Nor do points that are farther aside than no picture shows: x / z, y / z [1]."""
+
 
 @compiled(MATRIX, TABLE)
 def _interaction(points: Array, out: Array) -> None:
@@ -124,6 +127,8 @@ def _correct(R: Array, p: Array, points: Array, wanted: Array, carried: bool, ou
         if not P[i, 2] > NEAREST:
             return
         s[i, 0], s[i, 1] = P[i, 0] / P[i, 2], P[i, 1] / P[i, 2]
+        if max(abs(s[i, 0]), abs(s[i, 1])) > WIDEST:
+            return
         depth += P[i, 2] / count
     _within_a_turn(s, wanted, w)
     L = np.empty((2 * count, 6))

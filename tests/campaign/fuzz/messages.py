@@ -261,12 +261,15 @@ def _news(cell: Cell, words: Sequence[str]) -> dict[Topic, SearchStrategy[Fields
     if cell.config.cameras:
         pose = st.builds(lambda xyz, rpy: (*xyz, *rpy), _place(0.3), _place(0.5))
         shown = st.lists(st.tuples(pose, st.sampled_from((0.0, 0.2, 9e3))), max_size=2)
+        tags = [each.tag for camera in cell.config.cameras for each in camera.tags]
+        spot = _evenly(-1.0, 1.0)
+        seen = st.lists(st.tuples(st.sampled_from((*tags, 8)), st.tuples(*[spot] * 8)), max_size=3)
         found[t.SIGHTING] = st.builds(
-            lambda camera, quality, shown: {
-                "camera": camera, "quality": quality,
+            lambda camera, quality, shown, seen: {
+                "camera": camera, "quality": quality, "seen": seen,
                 "poses": [each for each, _ in shown], "errors_px": [error for _, error in shown],
             },
-            st.sampled_from([c.name for c in cell.config.cameras]), _evenly(0.0, 1.0), shown,
+            st.sampled_from([c.name for c in cell.config.cameras]), _evenly(0.0, 1.0), shown, seen,
         )  # fmt: skip
     return found
 

@@ -136,10 +136,19 @@ def test_what_tells_little_is_damped_and_never_asks_for_more_than_noise_over_twi
         assert np.linalg.norm(asked) <= most * 1.0001
 
 
-def test_points_behind_the_lens_ask_for_nothing():
-    behind = Pose(TARGET.R, np.array([0.0, 0.0, -0.5]))
-    goal, here = before_carried(Pose.identity(), behind, TARGET)
+@pytest.mark.parametrize("place", [(0.0, 0.0, -0.5), (0.0, 0.0, 1e-4), (5.0, 0.0, 0.4)])
+def test_points_that_no_picture_shows_ask_for_nothing(place):
+    goal, here = before_carried(Pose.identity(), Pose(TARGET.R, np.array(place)), TARGET)
     assert not view_error(goal, here).any()
+
+
+def test_what_is_asked_for_is_finite_however_small_the_tag_and_far_aside(rng):
+    for _ in range(2000):
+        points = 10.0 ** rng.uniform(-6, 0) * SQUARE + rng.uniform(-10.0, 10.0, 3)
+        points[:, 2] = 10.0 ** rng.uniform(-2.9, 1)
+        wanted = rng.uniform(-1.0, 1.0, (4, 2)) * 10.0 ** rng.uniform(-3, 3)
+        T = Pose.identity()
+        assert np.isfinite(view_error(ViewGoal(T, T, picture=Picture(points, wanted)), T)).all()
 
 
 def test_the_source_takes_the_picture_in_place_of_the_pose_with_gains_bounds_and_lever(rng):
