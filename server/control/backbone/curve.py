@@ -14,7 +14,7 @@ from ..compiled import MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_ker
 from ..inputs import ToldTunnel
 from ..spatial import Array, Pose
 from .fit import Chain
-from .tunnels import Arcs, Turn, solve_gap
+from .tunnels import Arcs, Turn, passages_meet, solve_gap
 
 # --- The free part of a backbone, from the arm's base to a tunnel's entrance, in closed form ------
 #
@@ -331,6 +331,8 @@ def modal_at(modes: Array, mu: float, h: float, stations: Array) -> Array:
 
 NEAREST = 0.01
 """The entrance is at least so far from the first joint [m]."""
+FINE = 0.02
+"""A tunnel that is near to itself is looked at in steps of so many half widths [1]."""
 STRAIGHT = 1e-3
 """The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
 
@@ -366,6 +368,7 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
     arcs = _arcs(T, section, chain, _range(cell), where)
+    _judge_passages(arcs, section, chain.length, where)
     bow = _bow_angle(section)
     aside = T.R @ np.array([0.0, np.cos(bow), np.sin(bow)])
     chord = Chord(chain.base, np.stack((aside, T.R[:, 0])), h)
@@ -445,6 +448,28 @@ def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: s
         pieces.append(Arcs.from_entrance(T, turns))
         T = pieces[-1].end if piece.to is None else to
     return Arcs.of_all(pieces)
+
+
+def _judge_passages(arcs: Arcs, section: BackboneSection, reach: float, where: str) -> None:
+    """Raise `ConfigError` where two passages of a tunnel are one, as far as the arm reaches [m].
+
+    So is a helix whose turns are less than the tunnel's width apart. No piece's radius is within
+    the half width: places up to π half widths from each other along the curve are apart by no less
+    than those of a semicircle of that radius (Schur's comparison theorem).
+    """
+    lengths = np.array([piece.length for piece in section.tunnel])
+    ends = np.cumsum(lengths)
+    gaps = [i for i, piece in enumerate(section.tunnel) if piece.to is not None]
+    exit_at = ends[sum(not piece.open for piece in section.tunnel) - 1]
+    runs = np.column_stack(([0.0, *ends[gaps]], [*(ends - lengths)[gaps], exit_at])).clip(max=reach)
+    half = section.half_width
+    off, *at = passages_meet(arcs[:], runs, math.pi * half, 2.0 * half, FINE * half)
+    if off < math.inf:
+        one, other = (int(np.searchsorted(ends[:-1], x, side="right")) for x in at)
+        raise ConfigError(
+            f"{where}.tunnel[{other}]: its centre line comes to {off:.4f} m of that of "
+            f"tunnel[{one}]: at least {2.0 * half:g} m, two half widths, leave a wall between"
+        )
 
 
 def _bow_angle(section: BackboneSection) -> float:

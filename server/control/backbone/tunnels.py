@@ -149,6 +149,19 @@ def _at(arcs: tuple[Array, Array, Array], depths: Array, points: Array, tangents
 
 
 @inner_kernel
+def _point(arcs: tuple[Array, Array, Array], depth: float, point: Array) -> None:
+    """Write the point (3,) at an arc length of 0 or more from the entrance [m]."""
+    starts, frames, turning = arcs
+    k = 0
+    while k < len(turning) - 1 and depth >= starts[k + 1]:
+        k += 1
+    along, aside, across = _place(turning[k, 0], turning[k, 1], depth - starts[k])
+    for i in range(3):
+        t, n, z = frames[k, 1, i], frames[k, 2, i], frames[k, 3, i]
+        point[i] = frames[k, 0, i] + along * t + aside * n + across * z
+
+
+@inner_kernel
 def _foot_on_helix(
     curvature: float, torsion: float, point: tuple[float, float, float], begin: float, end: float
 ) -> float:
@@ -233,6 +246,35 @@ def _foot(
         if off < least:
             least, where = off, way
     return least, where
+
+
+@compiled(ARC_ARRAYS, MATRIX, NUMBER, NUMBER, NUMBER)
+def passages_meet(
+    arcs: tuple[Array, Array, Array], runs: Array, beside: float, bound: float, step: float
+) -> tuple[float, float, float]:
+    """Return how near two passages of a tunnel come to each other [m], and their arc lengths.
+
+    The nearest of those below `bound`, in runs (r, 2) of arc lengths with walls [m]; infinity where
+    none are. Places up to `beside` from each other along the curve are one passage. As a distance
+    changes by no more than the way, one place of a pair is looked for in steps of what is left
+    above the bound, or of `step`; the other is its exact foot.
+    """
+    most, first, second, point = math.inf, 0.0, 0.0, np.empty(3)
+    for i in range(len(runs)):
+        at, end = runs[i, 0], runs[i, 1]
+        while at < end:
+            least, where = math.inf, at
+            _point(arcs, at, point)
+            for j in range(i, len(runs)):
+                low = max(runs[j, 0], at + beside)
+                if low < runs[j, 1]:
+                    off, foot = _foot(arcs, low, runs[j, 1], point)
+                    if off < least:
+                        least, where = off, foot
+            if least < min(bound, most):
+                most, first, second = least, at, where
+            at += max(step, least - bound)
+    return most, first, second
 
 
 @inner_kernel

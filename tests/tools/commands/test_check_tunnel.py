@@ -1,5 +1,8 @@
 """A tunnel that an arm cannot follow is refused, with the place and the number."""
 
+import math
+
+import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
@@ -14,9 +17,9 @@ ENTRANCE = "rpy = [0.0, 0.0, 1.5707963267948966]"
 def changed(tmp_path):
     """Write a cell that extends `snake` by some keys of its backbone, and load it."""
 
-    def load(lines, more=""):
+    def load(lines, more="", extends="snake"):
         path = tmp_path / "cell.toml"
-        path.write_text(f'extends = "snake"\n{more}\n[mechanism.backbone]\n{lines}\n')
+        path.write_text(f'extends = "{extends}"\n{more}\n[mechanism.backbone]\n{lines}\n')
         return load_cell(path)
 
     return load
@@ -70,12 +73,45 @@ def test_what_no_arm_can_follow_is_refused_when_it_is_read(changed, lines, words
             r"backbone.entrance: must lie straight ahead of the first joint, along x: 0.16\d+ rad",
         ),
         ("least = 0.605", r"backbone.least: value 0.605: must be at least 1.02 times"),
+        (
+            "tunnel = [{ length = 0.4, bend = 3.1 }, { length = 0.4, bend = 2.8 }]",
+            r"tunnel\[1\]: its centre line comes to 0.0\d+ m of that of tunnel\[0\]: at least",
+        ),
         ("start = 1.6", r"backbone.start: value 1.6: the arm is 1.5000 m long"),
     ],
 )
 def test_what_this_arm_cannot_reach_is_refused(changed, lines, words):
     with pytest.raises(ConfigError, match=words):
         list(tunnel(changed(lines)))
+
+
+def wound(radius, pitch):
+    """Return three pieces of a helix, a little more than a turn, and how far turns are apart."""
+    rise = pitch / (2.0 * math.pi)
+    square = radius**2 + rise**2
+    length = 0.36 * 2.0 * math.pi * math.sqrt(square)
+    turn = f"length = {length}, bend = {radius / square * length}, roll = {rise / square * length}"
+    angle = np.linspace(math.pi, 3.0 * math.pi, 10_001)
+    apart = np.sqrt(2.0 * radius**2 * (1.0 - np.cos(angle)) + (rise * angle) ** 2)
+    return f"tunnel = [{', '.join([f'{{ {turn} }}'] * 3)}]", float(apart.min())
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.04, 0.0602])
+def test_a_helix_whose_turns_are_one_tunnel_is_refused_with_how_near_they_come(changed, pitch):
+    lines, apart = wound(0.1, pitch)
+    assert apart < 0.06
+    words = (
+        rf"tunnel\[2\]: its centre line comes to {apart:.4f} m of that of tunnel\[0\]: "
+        "at least 0.06 m"
+    )
+    with pytest.raises(ConfigError, match=words):
+        list(tunnel(changed(lines, extends="snake_space")))
+
+
+def test_a_helix_whose_turns_are_apart_is_followed(changed):
+    lines, apart = wound(0.15, 0.064)
+    assert apart > 0.06
+    assert list(tunnel(changed(lines, extends="snake_space")))
 
 
 def test_a_bend_beyond_the_joints_range_names_joint_angle_and_depth(changed):

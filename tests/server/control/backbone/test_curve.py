@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from laboratory.papers.maze import ENTRANCE, MAZE, S1, SPACE, X, Y
 from telerobot.server.control.backbone.curve import Modal, bessel, bow_parameter
-from telerobot.server.control.backbone.tunnels import Arcs, Turn, off_centre
+from telerobot.server.control.backbone.tunnels import Arcs, Turn, off_centre, passages_meet
 from telerobot.server.control.spatial import Pose
 
 STATIONS = np.linspace(0.0, 1.0, 61)
@@ -190,6 +190,21 @@ def test_a_helix_in_pieces_is_the_whole_one():
         assert found == pytest.approx(expected, abs=1e-14)
 
 
+def test_many_short_arcs_whose_planes_turn_come_to_the_helix_with_the_square_of_their_number():
+    # Arcs carry their frame along without a turn about the tangent; the normal turns against it.
+    kappa, tau, length = 4.2, 2.0, 0.6
+    (end,), _ = Arcs.from_entrance(ENTRANCE, [helix(kappa, tau, length)]).at(np.array([length]))
+    off = []
+    for n in (50, 100, 200, 400):
+        ds = length / n
+        angles = tau * ds * (np.arange(n) + 0.5)
+        bends, climbs = kappa * ds * np.cos(angles), kappa * ds * np.sin(angles)
+        turns = [Turn(ds, bend, climb) for bend, climb in zip(bends, climbs, strict=True)]
+        off.append(np.linalg.norm(Arcs.from_entrance(ENTRANCE, turns).end.p - end))
+    assert np.array(off[:-1]) / off[1:] == pytest.approx(np.full(3, 4.0), rel=1e-3)
+    assert 1e-9 < off[-1] < 1e-6
+
+
 def test_a_roll_of_a_straight_piece_turns_what_comes_after_it():
     arcs = Arcs.from_entrance(
         Pose.identity(), [Turn(0.3, roll=np.pi / 2), Turn(0.2, bend=np.pi / 2)]
@@ -222,6 +237,29 @@ def test_a_foot_on_a_helix_is_the_nearest_of_all_of_its_turns():
         point = centre + aside
         off, _ = off_centre(arcs[:], point[None], np.array([0.88]), 0.88, upto)
         assert off == pytest.approx(np.linalg.norm(dense - point, axis=1).min(), abs=1e-6)
+
+
+def test_passages_that_meet_are_those_of_a_dense_search():
+    rng, bound, step = np.random.default_rng(7), 0.06, 1e-3
+    found = []
+    for _ in range(60):
+        turns = [
+            Turn(length, *(rng.uniform(-1.0, 1.0, 3) * (3.1, 3.1, 1.5)))
+            for length in rng.uniform(0.15, 0.4, 4)
+        ]
+        arcs = Arcs.from_entrance(ENTRANCE, turns)
+        s = np.arange(0.0, arcs.length, step)
+        points = arcs.at(s)[0]
+        apart = np.linalg.norm(points[:, None] - points, axis=2)
+        apart[np.abs(np.subtract.outer(s, s)) < np.pi * 0.03 + step] = np.inf
+        off, *at = passages_meet(arcs[:], np.array([[0.0, arcs.length]]), np.pi * 0.03, bound, 6e-4)
+        if apart.min() > bound + step:
+            assert off == np.inf
+        elif apart.min() < bound - step:
+            assert off == pytest.approx(apart.min(), abs=step)
+            assert np.linalg.norm(np.subtract(*arcs.at(np.array(at))[0])) == pytest.approx(off)
+        found.append(off < np.inf)
+    assert 10 < sum(found) < 50
 
 
 def test_points_in_the_open_are_not_held_against_the_tunnel():
