@@ -231,8 +231,9 @@ TunnelPiece = tuple[Annotated[float, Field(gt=1e-3, le=20)], _Turn, _Turn, _Turn
 class TunnelRequest(MechanismCommand):
     """Tells an arm its tunnel anew, from the entrance on; without pieces, the cell's holds again.
 
-    With drives off only. The last `open` pieces have no walls. Where the tip is inside, the tunnel
-    must stay as it is up to there.
+    The last `open` pieces have no walls. Where the tip is inside, or would come to rest there, the
+    tunnel must stay as it is up to there. With drives on, joints are fitted a part in each period,
+    half a second for thirty of them; it is answered then.
     """
 
     pieces: tuple[TunnelPiece, ...] = Field(max_length=MOST_PIECES)

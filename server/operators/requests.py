@@ -1,6 +1,7 @@
 """Requests of one period: admitted, answered, and their change of lease, mode and settings."""
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...protocols.codec import Reason, encode, text_field
@@ -212,6 +213,50 @@ class ModeRequests:
         pending.asked.reply(encode(reply))
 
 
+# --- A tunnel that an operator tells: answered once the joints are fitted to it, and it holds -----
+
+
+class TunnelRequests:
+    """The request for a tunnel that waits while joints are fitted to it, a part in each period."""
+
+    def __init__(self, admission: Admission, events: Events) -> None:
+        self._admission, self._events = admission, events
+        self._asked: QueuedMessage | None = None
+        self._fitting: Iterator[None] = iter(())
+        self._epoch = 0
+
+    def take(self, message: m.TunnelRequest, asked: QueuedMessage, context: RequestContext) -> None:
+        """Begin to fit joints to a tunnel. Raises `Refused`."""
+        if self._asked is not None:
+            raise Refused(Why.NOT_NOW, "joints are still being fitted to the tunnel before")
+        self._asked, self._epoch = asked, self._admission.lease.epoch
+        self._fitting = context.units.refitting(message)
+
+    def go_on(self, context: RequestContext) -> None:
+        """Fit a part, all of it with drives off; answer once the tunnel holds, or cannot."""
+        asked = self._asked
+        if asked is None:
+            return
+        try:
+            self._require(context.mode)
+            for _ in self._fitting:
+                if not context.drives_off:
+                    return
+            reply = requests.Reply(ok=True, tick=context.now.tick)
+        except Refused as refused:
+            self._events.refused("request", asked.topic.key, refused.reason, refused.detail)
+            reply = refusal_reply(refused, context.now)
+        self._asked, self._fitting = None, iter(())
+        asked.reply(encode(reply))
+
+    def _require(self, mode: Mode) -> None:
+        if mode in (Mode.BOOT, Mode.FAULT):
+            raise Refused(Why.NOT_NOW, f"no tunnel is told in mode {mode}")
+        lease = self._admission.lease
+        if lease.holder is None or lease.epoch != self._epoch:
+            raise Refused(Why.NO_LEASE, "the lease ended while joints were fitted to the tunnel")
+
+
 # --- Services: the answer to every request, which changes the lease, the mode or settings ---------
 
 
@@ -230,9 +275,10 @@ class Services:
         self.stops = ProtectiveStops()
         """The protective stops that are latched."""
         self.modes = ModeRequests(self.stops, events)
+        self.tunnels = TunnelRequests(admission, events)
 
     def serve(self, asked: QueuedMessage, context: RequestContext) -> None:
-        """Answer one request, or let one for a mode wait until the mode is reached."""
+        """Answer one request, or let it wait: until a mode is reached, or joints are fitted."""
         try:
             message = self._admission.admit(asked.topic, asked.payload, asked.proof, context.now)
             reply = self._act(message, asked, context)
@@ -273,10 +319,9 @@ class Services:
                 context.units.hold_together(message.task, message.on)
             case requests.MarkRequest():
                 self._events.info("marked", message.text)
-            case m.TunnelRequest() if context.mode is not Mode.READY or not context.drives_off:
-                raise Refused(
-                    Why.NOT_NOW, f"a tunnel is told with drives off, mode is {context.mode}"
-                )
+            case m.TunnelRequest():
+                self.tunnels.take(message, asked, context)
+                return None
             case m.TaskCommand() | m.MechanismCommand():
                 serve_unit(message, context.units.of(message))
             case _:
@@ -337,6 +382,7 @@ class Dispatcher:
             self._answer(refusal, context)
         for asked in self._inbox.requests():
             self._services.serve(asked, context)
+        self._services.tunnels.go_on(context)
         for queued in self._inbox.commands():
             self._command(queued, context)
         for queued in self._inbox.sensors():

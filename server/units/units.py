@@ -1,6 +1,7 @@
 """All units of a cell, those that several arms hold together among them, and requests to them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -458,6 +459,31 @@ class Units:
             "held_together" if on else "let_go", ", ".join(unit.mechanism for unit in joint.units)
         )
 
+    def refitting(self, message: motion.TunnelRequest) -> Iterator[None]:
+        """Fit an arm to a tunnel that it is told, a part of a period in each step; then it holds.
+
+        Raises `Refused` where the arm cannot go through it, or is in a part that would move.
+        """
+        unit = self.of(message)
+        if isinstance(unit, JointUnit):
+            raise Refused(Why.UNKNOWN_MECHANISM, f"arms hold '{unit.task}' together: name one")
+        told = ToldTunnel(message.pieces, message.open) if message.pieces else None
+        try:
+            yield from unit.arm.body.refitting(told, partial(self._on_the_way, unit))
+        except ValueError as error:
+            raise Refused(Why.OUT_OF_RANGE, str(error)) from None
+        unit.commands.settings.tunnel = told
+        length = sum(piece[0] for piece in message.pieces)
+        detail = "" if told else "the cell's"
+        unit.events.info("tunnel_set", detail, pieces=len(message.pieces), length=length)
+
+    def _on_the_way(self, unit: Unit) -> list[Array]:
+        """Return where an arm's joints are told to be, and where its stop from there ends."""
+        if self.memory is None:
+            return [] if unit.q is None else [unit.q]
+        motion, stop, _ = self.memory.commanded.of(unit.joints)
+        return [motion.q, stop.at(stop.to_go_s).q]
+
     @property
     def held(self) -> tuple[str, ...]:
         """Names of the joint tasks that are on."""
@@ -625,8 +651,6 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             _free_axes(message, unit)
         case motion.LoadSharesRequest():
             _share_out(message, unit)
-        case motion.TunnelRequest():
-            _tell_tunnel(message, unit)
         case motion.ClutchRequest():
             commands.set_clutch(message)
             master = commands.master
@@ -676,21 +700,6 @@ def _share_out(message: motion.LoadSharesRequest, unit: Unit | JointUnit) -> Non
     unit.share_out(message.weights)
     rows = dict(zip((u.mechanism for u in unit.units), map(str, message.weights), strict=False))
     unit.events.info("load_shared", "" if rows else "as the cell says", **rows)
-
-
-def _tell_tunnel(message: motion.TunnelRequest, unit: Unit | JointUnit) -> None:
-    """Lay an arm's tunnel anew; raises `Refused` where it cannot go through, or stands inside."""
-    if isinstance(unit, JointUnit):
-        raise Refused(Why.UNKNOWN_MECHANISM, f"arms hold '{unit.task}' together: name one")
-    told = ToldTunnel(message.pieces, message.open) if message.pieces else None
-    try:
-        unit.arm.body.refitted(told, unit.q)
-    except ValueError as error:
-        raise Refused(Why.OUT_OF_RANGE, str(error)) from None
-    unit.commands.settings.tunnel = told
-    length = sum(piece[0] for piece in message.pieces)
-    detail = "" if told else "the cell's"
-    unit.events.info("tunnel_set", detail, pieces=len(message.pieces), length=length)
 
 
 def _know_ranks(unit: Unit | JointUnit) -> None:

@@ -455,10 +455,11 @@ class Motions(ABC):
     def tunnel(
         self, pieces: Sequence[Sequence[float]] = (), *, open_pieces: int = 0, **more: Any
     ) -> None:
-        """Tell an arm its tunnel anew, with drives off: [length, bend, climb, roll] of each piece.
+        """Tell an arm its tunnel anew: [length, bend, climb, roll] of each piece.
 
         In [m, rad], from the entrance on; the last `open_pieces` have no walls. Without pieces the
-        cell's holds again.
+        cell's holds again. Returns once it holds; up to where the tip is, or would come to rest, it
+        must stay as it is.
         """
         told = tuple(tuple(piece) for piece in pieces)
         self.request(t.TUNNEL, pieces=told, open=open_pieces, **more)

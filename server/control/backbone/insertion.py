@@ -1,6 +1,7 @@
 """A hyper-redundant arm in its tunnels: how far it is in, and the joint rates that take it on."""
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Self
 
@@ -21,7 +22,7 @@ from ..scene import Flags
 from ..spatial import Array
 from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
-from .curve import Curve, curve_of, told_section
+from .curve import curve_of, told_section
 from .fit import Chain, farthest_apart
 from .tunnels import links_off_centre
 
@@ -93,15 +94,12 @@ def _watch(
 class Backbone:
     """The curve of one arm, and how its joints follow."""
 
-    def __init__(
-        self, chain: Chain, curve: Curve, section: BackboneSection, period_s: float, where: str = ""
-    ) -> None:
-        """Build it; fits are computed at all free lengths.
-
-        Raises `ConfigError`, which begins with `where`, for what no joints of this chain follow.
-        """
+    def __init__(self, cell: Cell, section: BackboneSection, chain: Chain) -> None:
+        """Lay the curve of a cell's mechanism; `fitting` is to follow. Raises `ConfigError`."""
+        curve = curve_of(cell, section, chain)
         self.chain, self.curve, self.section = chain, curve, section
-        self._period_s = period_s
+        self._period_s = cell.config.timing.period_s
+        self._where = f"{cell.path}: mechanism.backbone"
         self.exit = sum(piece.length for piece in section.tunnel if not piece.open)
         """Depth of the exit [m]."""
         self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
@@ -115,8 +113,9 @@ class Backbone:
         count = max(2, round((self.most - section.least) / GRID))
         self.lengths = np.linspace(section.least, self.most, count + 1)
         """Free lengths (g,) at which fits were computed ahead [m]."""
-        self.fits, self.slopes = self._all_fits(where)
+        self.fits, self.slopes = np.empty((2, count + 1, chain.n))
         """Joints (g, n) [rad] at these, and ∂q/∂s1 (g, n)."""
+        self._off_centre = np.empty(count + 1)
 
     @classmethod
     def from_cell(cls, cell: Cell) -> Self | None:
@@ -127,26 +126,30 @@ class Backbone:
     @classmethod
     def of(cls, cell: Cell, section: BackboneSection) -> Self:
         """Build that of a cell's mechanism in some tunnel. Raises `ConfigError`."""
-        chain = Chain.from_cell(cell)
-        curve = curve_of(cell, section, chain)
-        where = f"{cell.path}: mechanism.backbone"
-        return cls(chain, curve, section, cell.config.timing.period_s, where)
+        backbone = cls(cell, section, Chain.from_cell(cell))
+        for _ in backbone.fitting():
+            pass
+        return backbone
 
-    def _all_fits(self, where: str) -> tuple[Array, Array]:
-        fits: list[Array] = []
-        q = None
-        for s1 in self.lengths[::-1]:
+    def fitting(self, q: Array | None = None) -> Iterator[None]:
+        """Fit the joints at one free length after the other, from the greatest on.
+
+        The first from joints q (n,) by, where such are known: a guess takes some milliseconds.
+        Raises `ConfigError` for what no joints of this chain follow.
+        """
+        for i in reversed(range(len(self.lengths))):
+            s1 = float(self.lengths[i])
             try:
-                sampled = self.curve.at(float(s1), self.chain.stations)
-                found = self.chain.settled(
-                    self.chain.guess(sampled.points) if q is None else q, *sampled
-                )
+                sampled = self.curve.at(s1, self.chain.stations)
+                q = self.chain.guess(sampled.points) if q is None else q
+                q = self.chain.settled(q, *sampled).q
             except ValueError as error:
-                raise ConfigError(f"{where}.tunnel: free length {s1:.3f} m: {error}") from None
-            q = found.q
-            fits.append(found.q)
-        fits.reverse()
-        return np.array(fits), np.gradient(np.array(fits), self.lengths, axis=0)
+                words = f"{self._where}.tunnel: free length {s1:.3f} m: {error}"
+                raise ConfigError(words) from None
+            self.fits[i] = q
+            self._off_centre[i] = self.off_centre(self.chain.points(q[None]), s1)
+            yield
+        self.slopes[:] = np.gradient(self.fits, self.lengths, axis=0)
 
     def turns(self, low: Array, high: Array) -> tuple[float, int, int]:
         """Return the greatest share of its range (n,) [rad] that any joint takes, 1 for all of it.
@@ -160,12 +163,8 @@ class Backbone:
 
     def farthest_off(self) -> tuple[float, int]:
         """Return how far links of the fits are off the centre line at most [m], and of which."""
-        off = [
-            self.off_centre(self.chain.points(q[None]), float(s1))
-            for q, s1 in zip(self.fits, self.lengths, strict=True)
-        ]
-        i = int(np.argmax(off))
-        return off[i], i
+        i = int(self._off_centre.argmax())
+        return float(self._off_centre[i]), i
 
     # --- where the arm is ----------------------------------------------------------------------
 
@@ -391,6 +390,8 @@ LOOK_S = 0.025
 """Stops are looked at so often along the way [s]."""
 ALONG, SAME = 400, 1e-4
 """A tunnel stays where it is if so many points of it move by no more [1, m]."""
+PORTION = 120
+"""Joints that are fitted to a told tunnel in one step, of all free lengths together [1]."""
 WORSE = 1e-4
 """A stop may be off the tunnel's centre line by so much more than the arm is now [m]."""
 
@@ -432,18 +433,25 @@ class BackboneArm(SerialArm):
         tunnel = settings.tunnel
         self.backbone = self._own if tunnel is None else self._laid(tunnel)
 
-    def refitted(self, tunnel: ToldTunnel | None, q: Array | None) -> None:
-        """Lay and fit a tunnel for an arm at rest at joints q (n,); None is the cell's own.
+    def refitting(
+        self, tunnel: ToldTunnel | None, postures: Callable[[], Sequence[Array]]
+    ) -> Iterator[None]:
+        """Fit the joints to a tunnel that an operator tells, and judge it: None is the cell's own.
 
-        Raises `ValueError` for one that its joints or links cannot pass, and where the part that
-        the arm is in would move.
+        Each step is a part of a period's work. `postures` returns, at the end, those (n,) that the
+        arm is or may come to be in before the tunnel is in force. Raises `ValueError` for one that
+        its joints or links cannot pass, and where the part that the arm is in would move.
         """
-        old, new = self.backbone, self._own
-        insertion = None if q is None else old.located(q)
-        if insertion is None:
-            raise ValueError("the arm is off its curve: bring it back to it first")
         if tunnel is not None:
-            new = self._laid(tunnel)
+            yield from self._laying(tunnel)
+        self._judge(self._own if tunnel is None else self._told[tunnel], postures())
+
+    def _judge(self, new: Backbone, postures: Sequence[Array]) -> None:
+        old = self.backbone
+        found = [old.located(q) for q in postures]
+        depths = [old.depth(insertion) for insertion in found if insertion is not None]
+        if not depths or len(depths) < len(found):
+            raise ValueError("the arm is off its curve: bring it back to it first")
         used, i, j = new.turns(self._joints.lower, self._joints.upper)
         if used > 1.0:
             raise ValueError(
@@ -457,27 +465,46 @@ class BackboneArm(SerialArm):
                 f"links would be {off:.4f} m off the centre line with the tip "
                 f"{new.depth_at(i):.3f} m inside: at most {new.room:.4f} m"
             )
-        depths = np.linspace(0.0, max(0.0, old.depth(insertion)), ALONG)
-        apart = np.linalg.norm(new.curve.arcs.at(depths)[0] - old.curve.arcs.at(depths)[0], axis=1)
+        inside = np.linspace(0.0, max(0.0, *depths), ALONG)
+        stands = "is" if depths[0] == max(depths) else "comes to rest"
+        apart = np.linalg.norm(new.curve.arcs.at(inside)[0] - old.curve.arcs.at(inside)[0], axis=1)
         if float(apart.max()) > SAME:
-            still = depths[int((apart > SAME).argmax()) - 1]
+            still = inside[int((apart > SAME).argmax()) - 1]
             raise ValueError(
-                f"the tip is {depths[-1]:.4f} m inside, where the tunnel would move by "
+                f"the tip {stands} {inside[-1]:.4f} m inside, where the tunnel would move by "
                 f"{apart.max():.4f} m: withdraw it to {still:.4f} m first"
+            )
+        near, far = sorted((new.exit, old.exit))
+        if min(far, inside[-1]) - near > SAME:
+            raise ValueError(
+                f"the tip {stands} {inside[-1]:.4f} m inside, where walls would end at "
+                f"{new.exit:.4f} m, not {old.exit:.4f}: withdraw it to {near:.4f} m first"
             )
 
     def _laid(self, tunnel: ToldTunnel) -> Backbone:
         """Return the backbone in a tunnel that was told. Raises `ValueError`."""
-        found = self._told.get(tunnel)
-        if found is None:
-            section = told_section(self._own.section, tunnel)
-            try:
-                found = Backbone.of(self._cell, section)
-            except ConfigError as error:
-                raise ValueError(str(error)) from None
-            kept = {old: laid for old, laid in self._told.items() if laid is self.backbone}
-            self._told = {**kept, tunnel: found}
-        return found
+        for _ in self._laying(tunnel):
+            pass
+        return self._told[tunnel]
+
+    def _laying(self, tunnel: ToldTunnel) -> Iterator[None]:
+        """Lay and fit a tunnel that was told, some free lengths in each step."""
+        if tunnel in self._told:
+            return
+        section = told_section(self._own.section, tunnel)
+        try:
+            laid = Backbone(self._cell, section, self._own.chain)
+            every = max(1, PORTION // laid.chain.n)
+            # With the tip in the entrance, the arm is where it is in any tunnel.
+            for i, _ in enumerate(laid.fitting(self._own.fits[-1])):
+                if i % every == 0:
+                    yield
+        except ConfigError as error:
+            # It names the cell's key; here pieces were told.
+            words = str(error).removeprefix(f"{self._cell.path}: mechanism.backbone.")
+            raise ValueError(words.replace("tunnel[", "pieces[")) from None
+        kept = {old: found for old, found in self._told.items() if found is self.backbone}
+        self._told = {**kept, tunnel: laid}
 
     def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
         """Return joint rates at the commanded posture.

@@ -4,7 +4,7 @@ Tick, units, perception and telemetry ask a body, and never which kind it is. A 
 what it does otherwise, and gets its row in `arm.py`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -204,10 +204,13 @@ class SerialArm:
     def prepare(self, settings: Settings) -> None:
         """Make ready for a tick with these settings, before it asks for anything else."""
 
-    def refitted(self, tunnel: ToldTunnel | None, q: Array | None) -> None:
-        """Make ready for a tunnel that an operator tells the arm, at rest at joints q.
+    def refitting(
+        self, tunnel: ToldTunnel | None, postures: Callable[[], Sequence[Array]]
+    ) -> Iterator[None]:
+        """Make ready for a tunnel that an operator tells the arm, a part of a period in each step.
 
-        Raises `ValueError` that says why the arm cannot go through it, or not from there.
+        `postures` returns those (n,) that it is or may come to be in, at the end. Raises
+        `ValueError` that says why the arm cannot go through the tunnel, or not from there.
         """
         raise ValueError("the mechanism has no backbone: it goes through no tunnel")
 

@@ -190,6 +190,58 @@ def test_rubbish_is_answered_too(counter):
     assert names(counter) == ["request_refused"]
 
 
+# --- a tunnel -------------------------------------------------------------------------------------
+
+
+def tell(counter, parts, **context):
+    """Tell a tunnel to which joints are fitted in so many parts; return a first answer, if any."""
+    counter.see(units=SimpleNamespace(refitting=lambda _: iter([None] * parts)), **context)
+    return counter.ask(t.TUNNEL, pieces=[(0.5, 0.0, 0.0, 0.0)])
+
+
+def go_on(counter):
+    counter.services.tunnels.go_on(counter.context)
+    return counter.replies[-1]
+
+
+def test_a_tunnel_is_answered_once_joints_are_fitted_to_it_a_part_in_each_period(ann):
+    assert tell(ann, 3, mode=Mode.ENABLED, drives_off=False) is None
+    waits = [go_on(ann).epoch for _ in range(3)]
+    assert waits == [1, 1, 1]  # the newest answer is that of the lease
+    again = ann.ask(t.TUNNEL, pieces=[])
+    assert (again.ok, again.reason) == (False, Why.NOT_NOW)
+    assert go_on(ann).ok
+    assert len(ann.replies) == 3
+    assert tell(ann, 0) is None
+    assert go_on(ann).ok
+
+
+def test_with_drives_off_joints_are_fitted_to_a_tunnel_at_once(ann):
+    tell(ann, 50, mode=Mode.READY, drives_off=True)
+    assert go_on(ann).epoch is None
+    assert ann.replies[-1].ok
+
+
+@pytest.mark.parametrize(
+    ("happens", "reason"),
+    [
+        (lambda ann: ann.see(mode=Mode.FAULT), Why.NOT_NOW),
+        (lambda ann: ann.admission.end(), Why.NO_LEASE),
+    ],
+)
+def test_a_tunnel_whose_operator_is_gone_or_whose_arm_fails_meanwhile_is_refused(
+    ann, happens, reason
+):
+    tell(ann, 3, mode=Mode.HOLD, drives_off=False)
+    go_on(ann)
+    happens(ann)
+    reply = go_on(ann)
+    assert (reply.ok, reply.reason) == (False, reason)
+    assert names(ann)[-1] == "request_refused"
+    happens(ann)
+    assert go_on(ann) is reply  # and nothing goes on
+
+
 # --- modes ----------------------------------------------------------------------------------------
 
 
