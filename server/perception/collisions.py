@@ -78,7 +78,8 @@ class ReleaseNews:
         state = memory.retreat
         if state is None:
             return
-        giving = state.rate > 0.0
+        held = memory.held
+        giving = state.rate > 0.0 or (held is not None and held.force.bleeding)
         self._settled_s = 0.0 if giving else self._settled_s + self._T
         if giving:
             now = _Told.GIVING
@@ -91,7 +92,8 @@ class ReleaseNews:
         self._told = now
         what, push, values = self._push(pushed, tool_only)
         way = values["travelled_rad"] = float(state.travelled.max(initial=0.0))
-        left = f"by {way:.4f} rad of {self._leash:g}; {what} is left with {push}"
+        far = f"by {way:.4f} rad of {self._leash:g}" if held is None else "at its grasp"
+        left = f"{far}; {what} is left with {push}"
         if now is _Told.GIVING:
             self._events.info("giving_way", f"to {push} at {what}", **values)
         elif now is _Told.GAVE:

@@ -12,13 +12,15 @@ from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve, inner_kern
 from ..grasps.held import GraspState, Weighed
 from ..grasps.load_shares import greatest, internal, load_shares, total
 from ..grasps.views import FOLLOW_TIME_S, TOLD, apart, follow, mean_of
-from ..inputs import Inputs, Intent
+from ..hold import beyond
+from ..inputs import Inputs, Intent, Pushed
 from ..mechanism.model import Dynamics
 from ..mechanism.wrench import WristMemory
 from ..scene import Flags
 from ..spatial import (
     GRAVITY,
     Array,
+    Kinematics,
     Pose,
     cross,
     jacobian_at,
@@ -461,6 +463,12 @@ STRAINS = ("internal_force", "internal_moment")
 SHARES_PER_S = 1.0
 """The diagonals of W change by this factor of e at most [1/s]: the grasps follow within K_F k_e."""
 
+BY_DRIVES = 0.25
+"""What drives tell of a grasp comes late, and is given way to at this part of K_F [1]."""
+
+_RANK = 0.02
+"""Singular values of a Jacobian below this part of the greatest say nothing of a wrench [1]."""
+
 OTHERS = 0.75
 """The others carry its part when they carry more than this of the whole [1]."""
 
@@ -491,13 +499,20 @@ class Grasping(NamedTuple):
         exerted = self.exerted[i]
         return None if exerted is None else self.desired[i] - exerted
 
-    def twist_of(self, i: int, gain: Array, R_world_mrf: Array) -> Array:
-        """Return the twist (6,) of one grasp that force control asks for, World axes.
+    def off_by_drives(self, i: int, k: Kinematics, pushed: Pushed | None) -> Array | None:
+        """Return the same by the torques of the drives (6,); None for an arm that nothing pushes.
 
-        `gain` (6,) is K_F along the axes of the MRF (Williams 1997, section 2.5).
+        While the sensor tells nothing, all of the wrench at the grasp is in the torques that push
+        the joints: τ = −Jᵀh. Those of the arm's share are no push, nor is what friction explains.
         """
-        off = self.off(i)
-        return np.zeros(6) if off is None else rotate_twist(R_world_mrf, gain * off)
+        if pushed is None or not pushed.touched:
+            return None
+        R = k.T_world_mrf.R
+        J = jacobian_at(k.J, R @ self.p[i])
+        meant = rotate_twist(R, self.desired[i]) @ J
+        torque = beyond(pushed.external + meant, pushed)
+        off = np.linalg.lstsq(J.T, torque, rcond=_RANK)[0]
+        return rotate_twist(R.T, np.asarray(off, dtype=np.float64))
 
     def to_mrf(self, i: int, twist: Array, R_world_mrf: Array) -> Array:
         """Return a twist (6,) of one grasp at the MRF, World axes."""
@@ -641,26 +656,30 @@ class GivingWay:
         forces: Grasping,
         gain: Array,
         R_world_mrf: Array,
-        intent: Intent,
+        k: Kinematics,
+        inputs: Inputs,
         held: GraspState,
-        at: Array,
     ) -> tuple[Array, ForceState]:
         """Return the twist (6,) at the MRF by which one arm gives way at its grasp.
 
-        In HOLD only internal force and moment beyond a threshold are bled off, inside a leash from
-        where the Wrist, now `at` (3,), was when HOLD began.
+        `gain` (6,) is K_F along the axes of the MRF (Williams 1997, section 2.5). In HOLD only
+        internal force and moment beyond a threshold are bled off, inside a leash from where the
+        Wrist was when HOLD began. There an arm whose sensor tells nothing goes by its drives.
         """
+        off, intent = forces.off(i), inputs.intent
+        if intent is Intent.HOLD and off is None:
+            off, gain = forces.off_by_drives(i, k, inputs.pushed), BY_DRIVES * gain
+        twist = np.zeros(6) if off is None else rotate_twist(R_world_mrf, gain * off)
         if intent is Intent.MOVE:
-            twist = forces.twist_of(i, gain, R_world_mrf)
             return forces.to_mrf(i, twist, R_world_mrf), ForceState()
         if intent is not Intent.HOLD:
             return np.zeros(6), ForceState()
+        at = k.T_world_wrist.p
         began = at if held.force.hold is None else held.force.hold
-        off = forces.off(i)
         bled = bleed(
             held.force.bleeding,
             None if off is None else -off,
-            forces.twist_of(i, gain, R_world_mrf),
+            twist,
             at - began,
             self._threshold,
             self._leash,

@@ -26,6 +26,7 @@ from ..state import ArmMemory, Memory, Output
 from ..stop.limiter import Commanded, Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted
+from ..task.sources import ForceState
 from ..task.task import Task, TaskMemory
 from .forces import (
     SLIPPED_S,
@@ -467,9 +468,10 @@ class JointTask:
         """
         k = of.seen.kinematics
         task, objectives, since_s = self.arms[i].tuned(of.before, of.inputs, k, of.wrist)
-        gain, at = task.gains.get("force", np.zeros(6)), k.T_world_wrist.p
-        intent = Intent.STOP if lost else of.inputs.intent
-        way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, intent, of.held, at)
+        way, state = np.zeros(6), ForceState()
+        if not lost:
+            gain = task.gains.get("force", way)
+            way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, k, of.inputs, of.held)
         memory = evolve(
             of.before,
             wrist=of.wrist,

@@ -253,3 +253,29 @@ def test_joints_of_one_payload_come_to_rest_together_in_a_quick_stop(play, cell)
     )
     assert run.summary["mode"] == "fault"
     assert run.summary["internal_force_n"]["max"] < 16.0  # 20.8 with each joint on its own ramp
+
+
+AHEAD = {"task": "beam", "twist": [0.02, 0.0, 0.0, 0.0, 0.0, 0.0], "expressed_in": "world"}
+ASIDE = {"task": "beam", "xyz": [0.0, 0.04, 0.0], "rpy": [0.0, 0.0, 0.0], "relative_to": "mrf"}
+
+
+def test_a_beam_jammed_in_its_nodes_is_let_go_of_by_the_drives_when_sensors_are_at_their_ends(
+    play, cell
+):
+    """Moved aside with its pegs in: both sensors saturate, and 308 N would stay in HOLD."""
+    run = play(
+        {"at_s": 0.1, "for_s": 1.2, "cmd/joystick": AHEAD},
+        {"at_s": 1.4, "cmd/position": {**ASIDE, "speed": 0.05}},
+        seconds=3.5,
+        cell=cell,
+    )
+    assert len(run.events("sensor_saturated")) == 2
+    pushes = np.linalg.norm([truth.beam.push for truth in run.truths], axis=1)
+    assert pushes.max() > 200.0
+    assert run.summary["mode"] == "hold"
+    assert run.summary["limit_violations"] == 0
+    told_s = run.events("sensor_saturated")[0].time_s
+    later = np.array([truth.time_s for truth in run.truths]) > told_s + 1.0
+    assert pushes[later].max() < 20.0
+    assert len(run.events("sensor_fresh")) == 2
+    assert len(run.events("gave_way")) == 2

@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-from telerobot.server.control.inputs import Intent, PathGoal
+from telerobot.server.control.inputs import Intent, PathGoal, Pushed
 from telerobot.server.control.joint_task.forces import Grasping, without_load
+from telerobot.server.control.spatial import Kinematics, Pose, jacobian_at, rotate_twist
 
 from .carrying import Carrying, T, pair
 
@@ -315,3 +316,23 @@ def test_a_grasp_out_of_which_the_payload_slipped_exerts_nothing_in_any_directio
     forces = Grasping(np.zeros((2, 3)), np.array([share, share]), exerted, None, None, None)
     empty, slips = without_load(forces, np.array([0.0, 0.0, 1.0]))
     assert (empty.tolist(), slips.tolist()) == ([slipped, False], [slipped, False])
+
+
+def test_what_a_grasp_is_off_by_stands_in_the_torques_of_the_drives(rng):
+    """Beyond friction, and while the arm was touched; its share alone is no push."""
+    T, J = Pose.from_xyz_rpy((0.3, 0.1, 0.4), (0.2, -0.5, 1.0)), rng.uniform(-1.0, 1.0, (6, 7))
+    p, desired, exerted = rng.uniform(-0.5, 0.5, (2, 3)), *rng.normal(size=(2, 2, 6)) * 30.0
+    forces, k = Grasping(p, desired, (None, None), None, None, None), Kinematics(T, T, J)
+    for i in range(2):
+        at_grasp = jacobian_at(J, T.R @ p[i])
+
+        def pushed(h, bound, touched=True, at_grasp=at_grasp):
+            by_payload = -at_grasp.T @ rotate_twist(T.R, h)
+            return Pushed(by_payload, np.zeros(7), np.full(7, bound), touched)
+
+        off = forces.off_by_drives(i, k, pushed(exerted[i], 1e-9))
+        assert off == pytest.approx(desired[i] - exerted[i], abs=1e-6)
+        assert not forces.off_by_drives(i, k, pushed(desired[i], 0.1)).any()
+        assert not forces.off_by_drives(i, k, pushed(exerted[i], 1e4)).any()
+        assert forces.off_by_drives(i, k, pushed(exerted[i], 0.1, touched=False)) is None
+        assert forces.off_by_drives(i, k, None) is None
