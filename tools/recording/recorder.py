@@ -2,10 +2,11 @@
 
 import base64
 import json
+import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from mcap.writer import Writer
 
@@ -18,27 +19,9 @@ from .run_file import SCENE
 
 CHUNK_BYTES = 128 * 1024  # small chunks: a crash loses no more than one
 
-_SCAN_SCHEMA = {
-    "type": "object",
-    "properties": {
-        "points_mm": {
-            "type": "string",
-            "contentEncoding": "base64",
-            "description": "rays with an echo, the arm's own bridged: x, y, z by the odometry in "
-            "World [mm], each four bytes, the lowest first",
-        },
-    },
-}
-
-_FRAME_SCHEMA = {
-    "type": "object",
-    "properties": {
-        "id": {"type": "integer"},
-        "data": {"type": "string", "contentEncoding": "base64"},
-        "sent": {"type": "boolean", "description": "sent by the daemon"},
-        "bus": {"type": "integer", "description": "index of the bus in the cell"},
-    },
-}
+_SCHEMAS: Final[dict[str, dict[str, Any]]] = tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+)
 
 
 class Recorder:
@@ -61,12 +44,12 @@ class Recorder:
 
     def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
         row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
-        self._write("can", lambda: _FRAME_SCHEMA, time_s, row)
+        self._write("can", lambda: _SCHEMAS["can"], time_s, row)
 
     def scan(self, time_s: float, points_mm: bytes) -> None:
         """Write the points of a laser scan, as `ScanPoints` has them."""
         row = {"points_mm": base64.b64encode(points_mm).decode()}
-        self._write("scan", lambda: _SCAN_SCHEMA, time_s, row)
+        self._write("scan", lambda: _SCHEMAS["scan"], time_s, row)
 
     def message(self, topic: str, time_s: float, message: Message) -> None:
         """Write a message of the protocol."""
