@@ -98,10 +98,8 @@ def _own_gaps(cell: Cell, capsules: Capsules) -> Iterator[Finding]:
         if not near.size:
             continue
         k = int(near.gap.argmin())
-        gap, pair = (
-            float(near.gap[k]),
-            [capsules.links[int(i[k])] for i in (near.first, near.second)],
-        )
+        gap = float(near.gap[k])
+        pair = [capsules.links[int(i[k])] for i in (near.first, near.second)]
         status = Severity.OK
         if gap < avoidance.self_clearance:
             status = Severity.ERROR if gap < 0.0 and avoidance.enabled else Severity.WARN

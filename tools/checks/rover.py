@@ -80,10 +80,8 @@ def _radius(contour: ContourReflexSection, radius: float) -> Finding:
 
 def _plane(cell: Cell, contour: ContourReflexSection) -> Finding:
     """Judge whether the arm, as it drives, is inside of the plane: beyond it nothing is known."""
-    points, plane = (
-        CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot),
-        contour.plane,
-    )
+    points = CriticalPoints(cell, contour.shoulder, contour.elbow, contour.foot)
+    plane = contour.plane
     ready = np.array(cell.config.mechanism.postures["ready"])[points.arm]
     seen = points.of(ready[None])[0]
     high = float(seen[:, 2].max()) + contour.link_radius

@@ -20,9 +20,7 @@ AT_FLOOR: Final = 0.1  # a wheel's rim is on the root's floor within this part o
 LEAST_RADIUS: Final = 0.01  # of a wheel that a cell can have [m]
 UNKNOWN_SPEED: Final = 5.0  # of a wheel whose URDF says none [rad/s]
 RIM: Final = 0.75  # a wheel rolls no faster [m/s]
-STRAIGHT: Final = (
-    2.0 / 3.0
-)  # part of a wheel's speed for going straight on, the rest is to turn [1]
+STRAIGHT: Final = 2.0 / 3.0  # part of a wheel's speed for straight on, the rest is to turn [1]
 SPEED: Final = (0.5, 1.0)  # most of a base [m/s], [rad/s]
 STOPS_S: Final = 0.85  # time in which the acceleration ends the greatest speed [s]
 STARTS: Final = 1.0  # a base accelerates no more [m/s²]
@@ -168,12 +166,8 @@ def _radius(arm: UrdfArm, link: str, axis: Array, packages: Mapping[str, Path]) 
 
 def _drive(joint: ET.Element, radius: float, mass: float) -> DriveDraft:
     """Return the drive of a wheel that rolls half of a mass [kg]."""
-    name, speed, torque = (
-        joint.get("name", ""),
-        limit_of(joint, "velocity"),
-        limit_of(joint, "effort"),
-    )
-    notes = []
+    name, notes = joint.get("name", ""), []
+    speed, torque = limit_of(joint, "velocity"), limit_of(joint, "effort")
     if speed <= 0.0:
         notes.append(f"the URDF has no speed limit of {name}")
     velocity = min(0.5 * speed if speed > 0.0 else UNKNOWN_SPEED, RIM / radius)
