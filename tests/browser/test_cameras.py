@@ -267,3 +267,20 @@ def agreed(page):
     """
     told = [(SHOWN.fullmatch(words), age) for words, age in page.evaluate("readings")]
     return [age for shown, age in told if shown and abs(int(shown[2]) - age) <= AGREE_MS]
+
+
+def test_a_stored_view_is_kept_by_its_picture_and_the_page_tells_how_far_off_it_is(site):
+    page = thumbs(site)
+    page.get_by_role("button", name="Take control").first.click()
+    page.get_by_role("tab", name="Set").click()
+    page.get_by_role("button", name="Store the view").click()
+    page.get_by_role("button", name="Keep it by its picture").click()
+    page.get_by_role("tab", name="Now").click()
+    told = page.locator("#side")
+    wanted = re.compile(r"\d+\.\d mm +\d+\.\d° +\d+\.\d px +kept by its picture")
+    site.until(lambda: wanted.search(told.inner_text()), "nothing is said of the picture")
+    page.get_by_role("tab", name="Set").click()
+    page.get_by_role("button", name="by its pose").click()
+    page.get_by_role("tab", name="Now").click()
+    site.until(lambda: "kept by its pose" in told.inner_text(), "it is still kept by its picture")
+    assert page.errors == []
