@@ -114,9 +114,7 @@ _awake: list[BinaryIO] = []
 def stay_awake() -> str:
     """Keep processors from sleeping deeply until `let_sleep`; return why not, or nothing."""
     if not _SLEEPING.exists():
-        return (
-            ""  # a kernel that lets none sleep deeply, as in most containers and virtual machines
-        )
+        return ""  # a kernel that lets none sleep deeply
     try:
         held = LATENCY.open("wb", buffering=0)
         held.write(struct.pack("=i", WAKE_US))

@@ -337,7 +337,7 @@ def _masses(mechanism: Mechanism, rotor_inertia: Array) -> Masses:
     found = Masses(
         np.zeros(1 + n), np.zeros((1 + n, 3)), np.zeros((1 + n, 3, 3)), rotor_inertia.copy(), wheels
     )
-    root, data = model.inertias[0], model.createData()
+    root, data = pin.Inertia(model.inertias[0]), model.createData()  # its own: wheels are added
     for j in range(1, 1 + wheels):
         axis = pin.computeJointJacobian(model, data, pin.neutral(model), j)[3:, j - 1]
         root += model.jointPlacements[j].act(model.inertias[j])

@@ -78,6 +78,7 @@ def test_wheels_give_what_base_and_arm_gain_in_energy():
     """Power is the rate of kinetic and potential energy, whatever rolls and turns at once."""
     cell = load_cell("rover")
     mechanism = Mechanism.from_cell(cell)
+    Dynamics(mechanism, np.zeros(mechanism.n))  # another of the same mechanism changes nothing
     n, rotors = mechanism.n, np.linspace(0.1, 0.9, mechanism.n)
     dynamics = Dynamics(mechanism, rotors)
     free = pin.buildModelFromXML(cell.robot.description(), pin.JointModelPlanar())
