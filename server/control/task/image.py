@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from ..compiled import FLAG, MATRIX, ROW, TABLE, VECTOR, compiled, inner_kernel
+from ..compiled import FLAG, MATRIX, ROW, VECTOR, compiled, inner_kernel
 from ..inputs import ViewGoal
 from ..spatial import Array, Pose, rotate_twist
 
@@ -36,8 +36,12 @@ WIDEST: Final = 10.0
 """Nor do points that are farther aside than no picture shows: x / z, y / z [1]."""
 
 
-@compiled(MATRIX, TABLE)
+@inner_kernel
 def _interaction(points: Array, out: Array) -> None:
+    """Write L (2k, 6) of points (k, 3) in the Lens [m]: ṡ = L [v; ω] of the Lens, in its axes.
+
+    s are their normalised image coordinates x, y in turn (Chaumette, Hutchinson 2006, eq. 11).
+    """
     for i in range(len(points)):
         Z = points[i, 2]
         x, y = points[i, 0] / Z, points[i, 1] / Z
@@ -46,16 +50,6 @@ def _interaction(points: Array, out: Array) -> None:
         out[a, 3], out[a, 4], out[a, 5] = x * y, -(1.0 + x * x), y
         out[b, 0], out[b, 1], out[b, 2] = 0.0, -1.0 / Z, y / Z
         out[b, 3], out[b, 4], out[b, 5] = 1.0 + y * y, -x * y, -x
-
-
-def interaction(points: Array) -> Array:
-    """Return L (2k, 6) of points (k, 3) in the Lens [m]: ṡ = L [v; ω] of the Lens, in its axes.
-
-    s are their normalised image coordinates x, y in turn (Chaumette, Hutchinson 2006, eq. 11).
-    """
-    out = np.empty((2 * len(points), 6))
-    _interaction(points, out)
-    return out
 
 
 @inner_kernel
