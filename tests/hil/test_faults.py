@@ -87,9 +87,10 @@ def test_an_operator_that_is_killed_or_frozen_loses_the_arm(plant, end):
     try:
         moving(plant)
         remote.send_signal(end)
+        # A daemon that ran late may hold before: the lease ends in its own time.
+        plant.until(lambda: watcher.state.lease_holder is None, 3.0, "the lease does not end")
         plant.until(lambda: watcher.state.mode == "hold", 3.0, "the arm does not hold")
         plant.until(lambda: speed(plant.truth) < 2e-3, 1.0, "the arm goes on")
-        assert watcher.state.lease_holder is None
         assert [e for e in watcher.events if e.name == "lease_expired"]
         if end == signal.SIGSTOP:
             held = np.array(plant.truth.q)

@@ -53,7 +53,8 @@ def test_a_script_that_hangs_loses_the_lease_and_is_told(plant):
     ann.joystick(STICK)
     plant.operators.remove(ann)  # nobody calls spin any more
     watcher = plant.operator("watcher")
-    plant.until(lambda: watcher.state.mode == "hold", 5.0)
+    plant.until(lambda: watcher.state.lease_holder is None, 5.0, "the lease does not end")
+    plant.until(lambda: watcher.state.mode == "hold", 3.0, "the arm does not hold")
     watcher.acquire()
     ann.spin(0.2)
     assert not ann.holds_lease
