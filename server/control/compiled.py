@@ -1,10 +1,15 @@
 """Loops over small arrays, compiled to machine code; and changed copies of records, quickly."""
 
 from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
 from typing import Any, Final, ParamSpec, TypeVar
 
 import numba
+import numpy as np
 from numba import types
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from . import compilation
 
@@ -17,9 +22,9 @@ from . import compilation
 #
 # Rules, which `tests/server/control/test_compiled.py` holds:
 #
-# - A kernel calls kernels of its own file only. What is compiled is kept on disk beside the source,
-#   and made anew when that file changes, not when another one does. One that kernels alone call is
-#   an `inner_kernel`: nothing of its own is kept, nor loaded at a start.
+# - What is compiled is kept on disk beside the source, and made anew when any file changes whose
+#   kernels are part of it, or a constant that it was made with, wherever that stands. One that
+#   kernels alone call is an `inner_kernel`: nothing of its own is kept, nor loaded at a start.
 # - Indices are checked: one out of bounds is an IndexError.
 #
 # Write loops over elements: a slice, a copy or an expression of whole arrays becomes ten times
@@ -61,7 +66,7 @@ INDEX2: Final = _array(types.int64, 2)
 ROW: Final = types.Array(types.float64, 1, "C")
 """A new vector that a kernel fills in."""
 TABLE: Final = types.Array(types.float64, 2, "C")
-"""Likewise a new matrix, or one that another kernel of the file made."""
+"""Likewise a new matrix, or one that another kernel made."""
 STACK: Final = types.Array(types.float64, 3, "C")
 """Likewise a new array of three dimensions."""
 BLOCK: Final = types.Array(types.float64, 4, "C")
@@ -94,14 +99,14 @@ def compiled(
     """
 
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-        try:
-            made = _dispatcher(function, cache=True)
-        except RuntimeError as error:
-            if "cannot cache" not in str(error):
-                raise
-            made = _dispatcher(function)
+        made = _dispatcher(function)
 
         def make() -> bool:
+            try:
+                made._cache = _Kept(function)
+            except RuntimeError as error:
+                if "cannot cache" not in str(error):
+                    raise
             made.compile(arguments)
             made.disable_compile()
             return not made.stats.cache_hits
@@ -114,9 +119,47 @@ def compiled(
 
 
 def inner_kernel(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Mark a kernel that kernels of its file alone call: it is compiled into each of them."""
+    """Mark a kernel that kernels alone call: it is compiled into each of them."""
     kernel: Callable[Arguments, Result] = _dispatcher(function)
     return kernel
+
+
+class _Kept(FunctionCache):
+    """Machine code on disk, for as long as all stays that it was made of.
+
+    Numba's own looks at the file of the kernel alone, not at those of the kernels that it calls.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]  # numba's
+        base, made_of = self._impl.filename_base, _made_of(function)
+        self._cache_file = IndexDataCacheFile(  # type: ignore[no-untyped-call]  # numba's
+            self._cache_path, base, made_of
+        )
+
+
+@cache
+def _content(file: str) -> str:
+    return sha256(Path(file).read_bytes()).hexdigest()
+
+
+def _made_of(function: Callable[..., Any]) -> list[tuple[str, str]]:
+    """Return what machine code of a kernel is made of: files by content, constants by value."""
+    found: dict[str, str] = {}
+    seen, left = {function}, [function]
+    for kernel in left:
+        file = kernel.__code__.co_filename
+        found[file] = _content(file)
+        for name in kernel.__code__.co_names:
+            value = kernel.__globals__.get(name)
+            inner = getattr(value, "py_func", None)
+            if inner is not None and inner not in seen:
+                seen.add(inner)
+                left.append(inner)
+            elif isinstance(value, int | float | str | tuple | np.ndarray):
+                plain = value.tolist() if isinstance(value, np.ndarray) else value
+                found[f"{kernel.__module__}.{name}"] = repr(plain)
+    return sorted(found.items())
 
 
 # --- A changed copy of a frozen dataclass, quickly: the tick makes a dozen of them ----------------

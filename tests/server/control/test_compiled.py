@@ -1,5 +1,7 @@
 import importlib
+import os
 import pkgutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -63,13 +65,67 @@ def quotient(x):
     return x[0] / x[1]
 
 
-def test_kernels_call_kernels_of_their_own_file_only():
-    for name, kernel in kernels():
-        function = kernel.py_func
-        for called in function.__code__.co_names:
-            thing = function.__globals__.get(called)
-            if hasattr(thing, "py_func"):
-                assert thing.py_func.__module__ == function.__module__, f"{name}: {called}"
+KEPT = {
+    "lengths.py": """
+from telerobot.server.control.compiled import inner_kernel
+
+FACTOR = 2.0
+
+@inner_kernel
+def first(x):
+    return x[0]
+""",
+    "between.py": """
+from lengths import first
+from telerobot.server.control.compiled import inner_kernel
+
+@inner_kernel
+def twice(x):
+    return 2.0 * first(x)
+""",
+    "outer.py": """
+import numpy as np
+from between import twice
+from lengths import FACTOR
+from telerobot.server.control import compilation
+from telerobot.server.control.compiled import VECTOR, compiled
+
+compilation.listeners.append(lambda module, name: print(name))
+
+@compiled(VECTOR)
+def outer(x):
+    return FACTOR * twice(x)
+
+print(outer(np.array([1.0, 10.0])))
+""",
+}
+
+
+def test_kept_code_is_made_anew_when_a_kernel_it_calls_or_a_constant_of_another_file_changes(
+    tmp_path,
+):
+    for name, text in KEPT.items():
+        (tmp_path / name).write_text(text)
+
+    def told():
+        path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+        run = subprocess.run(
+            [sys.executable, "-B", "outer.py"], cwd=tmp_path, capture_output=True, text=True,
+            check=True, env=os.environ | {"PYTHONPATH": path},
+        )  # fmt: skip
+        return run.stdout.split()
+
+    assert told() == ["outer", "4.0"]
+    assert told() == ["4.0"], "what is kept is not used"
+    (tmp_path / "lengths.py").write_text(KEPT["lengths.py"].replace("x[0]", "x[1]"))
+    assert told() == ["outer", "40.0"], "a kernel two files away has changed"
+    assert told() == ["40.0"]
+    (tmp_path / "third.py").write_text("FACTOR = 2.0")
+    outer = KEPT["outer.py"].replace("from lengths import", "from third import")
+    (tmp_path / "outer.py").write_text(outer)
+    assert told() == ["outer", "40.0"]
+    (tmp_path / "third.py").write_text("FACTOR = 3.0")
+    assert told() == ["outer", "60.0"], "a constant of a file without kernels has changed"
 
 
 def test_every_kernel_is_compiled_for_stated_types_once_or_into_those_that_call_it():
