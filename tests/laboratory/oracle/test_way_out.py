@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from laboratory.campaign.scenes.clutter import PROMISE, make_clutter
-from laboratory.oracle.way_out import closed_in, projected, way_out
+from laboratory.oracle.way_out import Programme, closed_in, solved, way_out
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.rig.physics.world import World
 
@@ -17,13 +17,17 @@ MOVERS = {
 """… of these, 3.0 to 5.6 mm away, and of its fourth joint's limit; in World [m]."""
 
 
-@pytest.fixture(scope="module")
-def corner() -> tuple[Cell, World]:
-    cell = make_clutter(load_cell("pa10"), 543).cell
+def _scene(seed: int, movers: dict[str, tuple[float, float, float]]) -> tuple[Cell, World]:
+    cell = make_clutter(load_cell("pa10"), seed).cell
     world = World(cell)
-    for name, xyz in MOVERS.items():
+    for name, xyz in movers.items():
         world.place(name, np.array(xyz))
     return cell, world
+
+
+@pytest.fixture(scope="module")
+def corner() -> tuple[Cell, World]:
+    return _scene(543, MOVERS)
 
 
 def test_no_way_leads_out_of_a_corner_on_which_no_gap_closes(corner: tuple[Cell, World]) -> None:
@@ -37,6 +41,31 @@ def test_the_search_finds_a_way_that_is_a_fraction_of_a_millimetre_wide(
     assert way_out(*corner, CORNERED, PROMISE, held=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("seed", "q", "movers"),
+    [
+        (
+            71,
+            (-1.12137, 0.89951, 1.30357, 2.37976, 0.46051, -1.52468, -0.41186),
+            {
+                "mover0": (0.30829, -0.03616, 0.54900),
+                "mover1": (0.15898, -0.05284, 0.80077),
+                "mover2": (0.33539, -0.15665, 0.30034),
+            },
+        ),
+        (
+            823,
+            (0.91409, 1.13376, 0.10137, 2.38110, 0.67273, -0.73805, 0.97849),
+            {"mover0": (0.29894, 0.22337, 0.14172)},
+        ),
+    ],
+    ids=["straight", "wider"],
+)
+def test_a_way_that_one_aim_leads_along_hangs_on_no_draw(seed, q, movers) -> None:
+    """A tree that grew at random alone found none from the first with four of six draws."""
+    assert way_out(*_scene(seed, movers), np.array(q), PROMISE, draws=())
+
+
 def test_an_arm_is_closed_in_only_if_none_of_its_postures_has_a_way_out(
     corner: tuple[Cell, World],
 ) -> None:
@@ -45,15 +74,17 @@ def test_an_arm_is_closed_in_only_if_none_of_its_postures_has_a_way_out(
     assert not closed_in(cell, World(cell), [start, CORNERED], PROMISE)
 
 
-def test_a_projection_is_the_nearest_of_all_that_keep_the_bounds() -> None:
+def test_what_is_solved_is_the_nearest_of_all_that_keep_the_bounds() -> None:
     """Nothing allowed is beyond the plane through it that is square to its way (convexity)."""
     rng = np.random.default_rng(3)
+    box = np.full(4, 0.8)
     for _ in range(50):
         A, wish = rng.normal(size=(9, 4)), rng.normal(size=4)
         least = -rng.uniform(0.0, 0.5, 9)
-        x = projected(wish, A, least)
+        x = solved(Programme.nearest(wish)._replace(A=A, least=least), -box, box)
         assert (A @ x >= least - 1e-7).all()
-        others = rng.normal(scale=0.3, size=(2000, 4))
+        assert (np.abs(x) <= box + 1e-9).all()
+        others = np.clip(rng.normal(scale=0.3, size=(2000, 4)), -box, box)
         others = others[(others @ A.T >= least).all(axis=1)]
         assert len(others) > 0
         assert ((others - x) @ (wish - x) <= 1e-7).all()
