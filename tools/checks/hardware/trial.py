@@ -42,6 +42,7 @@ from .tried_drive import (
     BrokenError,
     Rule,
     TriedDrive,
+    Try,
 )
 
 # --- Rules of the communication profile, CiA 301; none needs power, none moves anything -----------
@@ -74,29 +75,23 @@ def _identity(drive: TriedDrive) -> None:
     drive.get(Com.IDENTITY, 1, U32)
 
 
-def _no_object(drive: TriedDrive) -> None:
-    _unreadable(drive, _NOWHERE, 0, Abort.NO_OBJECT)
+def _unreadable(index: int, subindex: int, why: Abort) -> Try:
+    """Return a rule's trial: reading an object aborts, and says why."""
+
+    def tried(drive: TriedDrive) -> None:
+        try:
+            drive.sdo.read(index, subindex)
+        except SdoAbortError as error:
+            _is(error.code, why)
+            return
+        raise BrokenError(f"{index:04X}h:{subindex} can be read")
+
+    return tried
 
 
-def _no_subindex(drive: TriedDrive) -> None:
-    _unreadable(drive, Com.IDENTITY, 0xFE, Abort.NO_SUBINDEX)
-
-
-def _unreadable(drive: TriedDrive, index: int, subindex: int, why: Abort) -> None:
-    try:
-        drive.sdo.read(index, subindex)
-    except SdoAbortError as error:
-        _is(error.code, why)
-        return
-    raise BrokenError(f"{index:04X}h:{subindex} can be read")
-
-
-def _read_only(drive: TriedDrive) -> None:
-    _is(drive.refusal(Com.DEVICE_TYPE, 0, U32, 0), Abort.READ_ONLY)
-
-
-def _length(drive: TriedDrive) -> None:
-    _is(drive.refusal(Object.CONTROLWORD, 0, U32, Controlword.DISABLE_VOLTAGE), *sorted(LENGTHS))
+def _unwritable(index: int, layout: str, value: int, *allowed: int) -> Try:
+    """Return a rule's trial: writing an object aborts with one of these codes."""
+    return lambda drive: _is(drive.refusal(index, 0, layout, value), *allowed)
 
 
 def _block(drive: TriedDrive) -> None:
@@ -143,29 +138,22 @@ def _mapped_while_on(drive: TriedDrive) -> None:
     drive.refusal(Com.TPDO_MAPPING, 1, U32, _POSITION)
 
 
-def _mapping(drive: TriedDrive) -> None:
-    drive.map_pdo(receive=False, transmission=can301.EVERY_SYNC)
-    off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
-    drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
-    try:
-        drive.put(Com.TPDO_MAPPING, 1, U32, _DEVICE_TYPE)
-        code = drive.refusal(Com.TPDO_MAPPING, 0, U8, 1)
-    except SdoAbortError as error:
-        code = error.code
-    _is(code, Abort.NOT_MAPPABLE, Abort.NO_OBJECT)
+def _unmappable(entry: int, count: int, *allowed: int) -> Try:
+    """Return a rule's trial: mapping an entry so many times aborts with one of these codes."""
 
+    def tried(drive: TriedDrive) -> None:
+        off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
+        drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
+        drive.put(Com.TPDO_MAPPING, 0, U8, 0)
+        try:
+            for place in range(1, count + 1):
+                drive.put(Com.TPDO_MAPPING, place, U32, entry)
+            code = drive.refusal(Com.TPDO_MAPPING, 0, U8, count)
+        except SdoAbortError as error:
+            code = error.code
+        _is(code, *allowed)
 
-def _too_long(drive: TriedDrive) -> None:
-    off = can301.PDO_INVALID | can301.tpdo1_id(drive.node)
-    drive.put(Com.TPDO_COMMUNICATION, 1, U32, off)
-    drive.put(Com.TPDO_MAPPING, 0, U8, 0)
-    try:
-        for place in (1, 2, 3):
-            drive.put(Com.TPDO_MAPPING, place, U32, _POSITION)
-        code = drive.refusal(Com.TPDO_MAPPING, 0, U8, 3)
-    except SdoAbortError as error:
-        code = error.code
-    _is(code, Abort.PDO_TOO_LONG, Abort.NOT_MAPPABLE)
+    return tried
 
 
 def _reserved_type(drive: TriedDrive) -> None:
@@ -224,22 +212,28 @@ def _short_pdo(drive: TriedDrive) -> None:
 COMMUNICATION: Final = (
     Rule("CiA 301, 1000h", "the device type names the drive profile", _device_type),
     Rule("CiA 301, 1018h", "the identity can be read", _identity),
-    Rule("CiA 301, 7.2.4.3.17", "an object that is none aborts with 0602 0000h", _no_object),
-    Rule("CiA 301, 7.2.4.3.17", "a sub-index that is none aborts with 0609 0011h", _no_subindex),
-    Rule("CiA 301, 7.2.4.3.17", "what is read only aborts with 0601 0002h", _read_only),
-    Rule("CiA 301, 7.2.4.3.17", "a wrong length aborts with 0607 001xh", _length),
+    Rule("CiA 301, 7.2.4.3.17", "an object that is none aborts with 0602 0000h",
+         _unreadable(_NOWHERE, 0, Abort.NO_OBJECT)),
+    Rule("CiA 301, 7.2.4.3.17", "a sub-index that is none aborts with 0609 0011h",
+         _unreadable(Com.IDENTITY, 0xFE, Abort.NO_SUBINDEX)),
+    Rule("CiA 301, 7.2.4.3.17", "what is read only aborts with 0601 0002h",
+         _unwritable(Com.DEVICE_TYPE, U32, 0, Abort.READ_ONLY)),
+    Rule("CiA 301, 7.2.4.3.17", "a wrong length aborts with 0607 001xh",
+         _unwritable(Object.CONTROLWORD, U32, Controlword.DISABLE_VOLTAGE, *sorted(LENGTHS))),
     Rule("CiA 301, 7.2.4.3", "a block upload brings what a plain one does", _block),
     Rule("CiA 301, 1017h", "heartbeats come as often as asked for", _heartbeat),
     Rule("CiA 301, 7.3.2", "NMT commands are obeyed; Stopped answers no SDO", _network_states),
     Rule("CiA 301, 7.5.2.38", "a PDO that is on cannot be mapped", _mapped_while_on),
-    Rule("CiA 301, 7.5.2.38", "what cannot be mapped aborts with 0604 0041h", _mapping),
-    Rule("CiA 301, 7.5.2.38", "more than 8 bytes abort with 0604 0042h", _too_long),
+    Rule("CiA 301, 7.5.2.38", "what cannot be mapped aborts with 0604 0041h",
+         _unmappable(_DEVICE_TYPE, 1, Abort.NOT_MAPPABLE, Abort.NO_OBJECT)),
+    Rule("CiA 301, 7.5.2.38", "more than 8 bytes abort with 0604 0042h",
+         _unmappable(_POSITION, 3, Abort.PDO_TOO_LONG, Abort.NOT_MAPPABLE)),
     Rule("CiA 301, 7.5.2.37", "a reserved transmission type is refused", _reserved_type),
     Rule("CiA 301, 7.5.2.37", "type 1: one TPDO for each SYNC", _every_sync),
     Rule("CiA 301, 7.5.2.37", "type 255: a TPDO when its content has changed", _on_change),
     Rule("CiA 301, 7.5.2.35", "type 255: an RPDO is obeyed at once", _by_pdo),
     Rule("CiA 301, 7.5.2.36", "an RPDO that is too short is not obeyed", _short_pdo),
-)
+)  # fmt: skip
 
 
 # --- Rules of the drive profile, CiA 402-2, that are tried with the power stage off ---------------
@@ -263,29 +257,41 @@ def show(drive: TriedDrive, mode: int) -> None:
             raise BrokenError(f"6060h is {mode}, 6061h stays {shown}")
 
 
-def _refused(drive: TriedDrive, index: int, subindex: int, layout: str, value: int) -> None:
-    before = drive.optional(index, subindex, layout)
-    code = drive.refusal(index, subindex, layout, value)
-    if code not in OUT_OF_RANGE:
-        raise BrokenError(f"{value} aborts with {named(code)}, not 0609 003xh")
-    if (after := drive.get(index, subindex, layout)) != before:
-        raise BrokenError(f"{index:04X}h is {after} after a refused write, {before} before")
+def _refused(index: int, layout: str, value: int) -> Try:
+    """Return a rule's trial: a value is out of an object's range, and leaves it as it was."""
+
+    def tried(drive: TriedDrive) -> None:
+        before = drive.optional(index, 0, layout)
+        code = drive.refusal(index, 0, layout, value)
+        if code not in OUT_OF_RANGE:
+            raise BrokenError(f"{value} aborts with {named(code)}, not 0609 003xh")
+        if (after := drive.get(index, 0, layout)) != before:
+            raise BrokenError(f"{index:04X}h is {after} after a refused write, {before} before")
+
+    return tried
+
+
+def _walk(*way: tuple[Controlword, DriveState], enabled: bool = False) -> Try:
+    """Return a rule's trial: controlwords lead from state to state, from one that is `enabled`."""
+
+    def tried(drive: TriedDrive) -> None:
+        if enabled:
+            _enable(drive)
+        for word, state in way:
+            drive.go(word, state)
+
+    return tried
+
+
+_READY_AND_BACK: Final = _walk(
+    (Controlword.DISABLE_VOLTAGE, _OFF), (Controlword.SHUTDOWN, _READY),
+    (Controlword.DISABLE_VOLTAGE, _OFF),
+)  # fmt: skip
 
 
 def _state(drive: TriedDrive) -> None:
     word = drive.get(Object.STATUSWORD, 0, U16)
     cia402.decode_state(word)
-
-
-def _ready_and_back(drive: TriedDrive) -> None:
-    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
-    drive.go(Controlword.SHUTDOWN, _READY)
-    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
-
-
-def _quick_stop_when_ready(drive: TriedDrive) -> None:
-    drive.go(Controlword.SHUTDOWN, _READY)
-    drive.go(Controlword.QUICK_STOP, _OFF)
 
 
 def _reset_without_fault(drive: TriedDrive) -> None:
@@ -296,7 +302,7 @@ def _reset_without_fault(drive: TriedDrive) -> None:
 
 
 def _remote(drive: TriedDrive) -> None:
-    _ready_and_back(drive)
+    _READY_AND_BACK(drive)
     if not drive.get(Object.STATUSWORD, 0, U16) & Status.REMOTE:
         raise BrokenError("6040h is obeyed, and bit 9 says that it is not")
 
@@ -327,20 +333,8 @@ def _mode_by_pdo(drive: TriedDrive) -> None:
 
 def _no_mode(drive: TriedDrive) -> None:
     shown = drive.get(Object.MODE_DISPLAY, 0, I8)
-    _refused(drive, Object.MODE_OF_OPERATION, 0, I8, NO_MODE)
+    _refused(Object.MODE_OF_OPERATION, I8, NO_MODE)(drive)
     show(drive, shown)
-
-
-def _quick_stop_option(drive: TriedDrive) -> None:
-    _refused(drive, Object.QUICK_STOP_OPTION, 0, I16, NO_OPTION)
-
-
-def _abort_option(drive: TriedDrive) -> None:
-    _refused(drive, Object.ABORT_CONNECTION_OPTION, 0, I16, NO_OPTION)
-
-
-def _deceleration(drive: TriedDrive) -> None:
-    _refused(drive, Object.QUICK_STOP_DECELERATION, 0, U32, 0)
 
 
 def _kept_values(drive: TriedDrive) -> None:
@@ -372,21 +366,25 @@ def _torque(drive: TriedDrive) -> None:
 
 POWER_OFF: Final = (
     Rule("CiA 402-2, 6041h", "the statusword's bits mean a state", _state),
-    Rule("CiA 402-2, figure 3", "transitions 2 and 7", _ready_and_back),
-    Rule("CiA 402-2, figure 3", "transition 7 by a quick stop", _quick_stop_when_ready),
+    Rule("CiA 402-2, figure 3", "transitions 2 and 7", _READY_AND_BACK),
+    Rule("CiA 402-2, figure 3", "transition 7 by a quick stop",
+         _walk((Controlword.SHUTDOWN, _READY), (Controlword.QUICK_STOP, _OFF))),
     Rule("CiA 402-2, 6040h", "bit 7 does nothing without a fault", _reset_without_fault),
     Rule("CiA 402-2, 6041h", "bit 9 tells that 6040h is obeyed", _remote),
     Rule("CiA 402-2, 6041h", "no following error without power", _no_following_error),
     Rule("CiA 402-2, 6061h", "shows every mode of 6502h that 6060h is set to", _shown_modes),
     Rule("CiA 402-2, 6061h", "follows 6060h that came by PDO", _mode_by_pdo),
     Rule("CiA 402-2, 6060h", "a mode that is none is refused: 0609 003xh", _no_mode),
-    Rule("CiA 402-2, 605Ah", "an option that is none is refused: 0609 003xh", _quick_stop_option),
-    Rule("CiA 402-2, 6007h", "an option that is none is refused: 0609 003xh", _abort_option),
-    Rule("CiA 402-2, 6085h", "no deceleration is refused: 0609 003xh", _deceleration),
+    Rule("CiA 402-2, 605Ah", "an option that is none is refused: 0609 003xh",
+         _refused(Object.QUICK_STOP_OPTION, I16, NO_OPTION)),
+    Rule("CiA 402-2, 6007h", "an option that is none is refused: 0609 003xh",
+         _refused(Object.ABORT_CONNECTION_OPTION, I16, NO_OPTION)),
+    Rule("CiA 402-2, 6085h", "no deceleration is refused: 0609 003xh",
+         _refused(Object.QUICK_STOP_DECELERATION, U32, 0)),
     Rule("CiA 402-2, 6065h 6066h 607Dh", "windows and limits read as written", _kept_values),
     Rule("CiA 402-2, 6064h", "a joint that stands reads so", _standing),
     Rule("CiA 402-2, 6076h", "torques have a unit", _torque),
-)
+)  # fmt: skip
 
 
 # --- Rules of the drive profile, CiA 402-2, that need power; the joint holds, and is asked no
@@ -395,10 +393,14 @@ POWER_OFF: Final = (
 # Setpoints are the drive's own position, at every SYNC.
 _HELD_S: Final = 0.3
 _ON, _ENABLED = DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED
+_READY_AND_ON: Final = _walk(
+    (Controlword.DISABLE_VOLTAGE, _OFF), (Controlword.SHUTDOWN, _READY),
+    (Controlword.SWITCH_ON, _ON), (Controlword.ENABLE_OPERATION, _ENABLED),
+)  # fmt: skip
 
 
-def _switch_on(drive: TriedDrive) -> None:
-    """Go to *Switched on* in CSP, with the drive's own position as the setpoint."""
+def _enable(drive: TriedDrive) -> None:
+    """Go to *Operation enabled* in CSP, with the drive's own position as the setpoint."""
     if OperationMode.CSP not in modes(drive):
         raise AbsentError("6502h has no CSP")
     drive.put(Object.MODE_OF_OPERATION, 0, I8, OperationMode.CSP)
@@ -406,14 +408,7 @@ def _switch_on(drive: TriedDrive) -> None:
     here = drive.sdo.read(Object.POSITION_ACTUAL)
     drive.sdo.write(Object.TARGET_POSITION, 0, here)
     drive.nmt(NmtCommand.START)
-    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
-    drive.go(Controlword.SHUTDOWN, _READY)
-    drive.go(Controlword.SWITCH_ON, _ON)
-
-
-def _enable(drive: TriedDrive) -> None:
-    _switch_on(drive)
-    drive.go(Controlword.ENABLE_OPERATION, _ENABLED)
+    _READY_AND_ON(drive)
 
 
 def _in_one_step(drive: TriedDrive) -> None:
@@ -422,24 +417,6 @@ def _in_one_step(drive: TriedDrive) -> None:
     drive.listen(0.1)
     if drive.state is not _OFF:
         raise BrokenError(f"Enable operation leads from Switch on disabled to {drive.state.name}")
-
-
-def _transitions(drive: TriedDrive) -> None:
-    _enable(drive)
-    drive.go(Controlword.SWITCH_ON, _ON)
-    drive.go(Controlword.SHUTDOWN, _READY)
-    drive.go(Controlword.SWITCH_ON, _ON)
-    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
-
-
-def _shutdown(drive: TriedDrive) -> None:
-    _enable(drive)
-    drive.go(Controlword.SHUTDOWN, _READY)
-
-
-def _disable_voltage(drive: TriedDrive) -> None:
-    _enable(drive)
-    drive.go(Controlword.DISABLE_VOLTAGE, _OFF)
 
 
 def _quick_stop(drive: TriedDrive) -> None:
@@ -491,14 +468,18 @@ def _holds(drive: TriedDrive) -> None:
 
 POWER_ON: Final = (
     Rule("CiA 402-2, figure 3", "Enable operation does nothing when switched off", _in_one_step),
-    Rule("CiA 402-2, figure 3", "transitions 2 to 6 and 10", _transitions),
-    Rule("CiA 402-2, figure 3", "transition 8", _shutdown),
-    Rule("CiA 402-2, figure 3", "transition 9", _disable_voltage),
+    Rule("CiA 402-2, figure 3", "transitions 2 to 6 and 10",
+         _walk((Controlword.SWITCH_ON, _ON), (Controlword.SHUTDOWN, _READY),
+               (Controlword.SWITCH_ON, _ON), (Controlword.DISABLE_VOLTAGE, _OFF), enabled=True)),
+    Rule("CiA 402-2, figure 3", "transition 8",
+         _walk((Controlword.SHUTDOWN, _READY), enabled=True)),
+    Rule("CiA 402-2, figure 3", "transition 9",
+         _walk((Controlword.DISABLE_VOLTAGE, _OFF), enabled=True)),
     Rule("CiA 402-2, 605Ah", "2: transitions 11 and 12 after the ramp", _quick_stop),
     Rule("CiA 402-2, 605Ah", "6: stays in Quick stop active", _stays),
     Rule("CiA 402-2, 6061h", "shows the true mode in Operation enabled", _true_mode),
     Rule("CiA 402-2, 6062h 6064h", "enabling moves nothing", _holds),
-)
+)  # fmt: skip
 
 
 # --- All rules tried on one drive, one after the other --------------------------------------------
@@ -528,25 +509,17 @@ def try_drive(fieldbus: Fieldbus, node: int, *, power: bool) -> Iterator[Finding
         raise DeviceError(f"node {node}: is in {state.name}: rules are tried on one that is off")
     subject.restart()
     for rule in rules(power=power):
+        status, outcome, detail = Severity.OK, "kept", ""
         try:
-            status, outcome, detail = _outcome(rule.judge, subject)
+            rule.judge(subject)
+        except AbsentError as error:
+            status, outcome, detail = Severity.WARN, "absent", str(error)
+        except (BrokenError, DeviceError, FrameError) as error:
+            status, outcome, detail = Severity.ERROR, "broken", str(error)
         finally:
             subject.put_back()
         text = f"{rule.promise}: {detail}" if detail else rule.promise
         yield Finding(rule.clause, status, text, {"outcome": outcome})
-
-
-def _outcome(judge: Callable[[TriedDrive], None], subject: TriedDrive) -> tuple[Severity, str, str]:
-    try:
-        judge(subject)
-    except AbsentError as error:
-        return Severity.WARN, "absent", str(error)
-    except (BrokenError, DeviceError, FrameError) as error:
-        return Severity.ERROR, "broken", str(error)
-    return Severity.OK, "kept", ""
-
-
-# --- Rules of CiA 301 and CiA 402-2 tried on one drive: `telerobot check CELL --profile JOINT` ----
 
 
 def profile(

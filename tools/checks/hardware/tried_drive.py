@@ -154,9 +154,12 @@ class TriedDrive:
         self.beats.append(can301.decode_heartbeat(data))
 
 
+Try = Callable[[TriedDrive], None]  # raises `BrokenError` or `AbsentError`
+
+
 class Rule(NamedTuple):
     """Sentence of a profile: where it stands, in short words, and how it is tried."""
 
     clause: str
     promise: str
-    judge: Callable[[TriedDrive], None]  # raises `BrokenError` or `AbsentError`
+    judge: Try
