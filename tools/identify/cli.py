@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,14 +18,14 @@ from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Array, Pose
 from ..client.operator import Operator, OperatorError
-from ..client.protocol_client import NoLease, ProtocolClient, ignore
+from ..client.protocol_client import ProtocolClient, ignore
 from ..host.address import cell_from
 from ..host.progress import say
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
 from . import environment
-from .environment import Along, Environment, Press, PressGuide, propose
+from .environment import Along, Environment, Leader, Press, PressGuide, propose
 from .estimate import AttitudeStop, Estimate, NotIdentified, attitudes, estimate
 
 
@@ -124,10 +124,7 @@ def subject_of(cell: Cell, mechanism: str | None) -> Subject:
     return Subject(parts[i], mechanism, parts[i].task, joints)
 
 
-# --- Leads an arm through attitudes and averages its sensor in each; given every state ------------
-#
-# The same guide leads a real daemon, in wall time, and a simulated one, in virtual time: it
-# knows no clock but that of the states.
+# --- Leads an arm through attitudes and averages its sensor in each -------------------------------
 SETTLE_S = 0.4  # from arrival until the sensor is believed [s]
 AVERAGE_S = 0.6  # the sensor is averaged for this long [s]
 ARRIVE_S = 30.0  # a posture that is not reached by then will not be [s]
@@ -142,88 +139,56 @@ class AttitudeMean:
 
 
 @dataclass
-class Guide:
-    """Goes from stop to stop. `say` is told, in a line, how far it is."""
+class Guide(Leader):
+    """Goes from stop to stop."""
 
-    client: ProtocolClient
     stops: list[AttitudeStop]
-    say: Callable[[str], None] = lambda _line: None
-    subject: Subject | None = None  # the arm that it leads; None: the only one
+    joints: slice = field(default_factory=lambda: slice(None))  # its own, among all of the cell
     samples: list[AttitudeMean] = field(default_factory=list)
-    failure: str = ""  # reason of a failure
-    over: bool = False
     _at: int = -1
-    _asked_seq: int = 0
-    _since_s: float = 0.0
     _arrived_s: float | None = None
     _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
     _allowed: bool = False
 
-    def run(self, state: State) -> None:
-        """Take in a state: average, or go on to the next attitude."""
-        if self.over:
-            return
-        try:
-            self._run(state)
-        except NoLease as error:
-            self._fail(str(error))
-
-    def _run(self, state: State) -> None:
+    def _run(self, state: State, task: TaskState) -> None:
+        """Average, or go on to the next attitude."""
         if state.mode != "enabled":
-            self._fail(f"mode became {state.mode}")
+            self._end(f"mode became {state.mode}")
         elif self._at < 0:
             # Its weight is no contact to force control, and no push to collision detection.
             self._at = 0
-            self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self._mechanism)
+            self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self.mechanism)
         elif not self._allowed:
             return
         elif self._since_s == 0.0:
-            self._leave(state)
+            self._to(state, q=tuple(self.stops[self._at].q.tolist()))
+            self._arrived_s = None
+            self._heard.clear()
+        elif self._arrived_s is None and self._arrived(state, task, t.POSTURE):
+            self._arrived_s = state.time_s
+            if not self.stops[self._at].measure:
+                self._next()
         elif self._arrived_s is None:
-            self._travel(state)
-        elif state.time_s >= self._arrived_s + SETTLE_S:
-            self._listen(state)
+            if state.time_s > self._since_s + ARRIVE_S:
+                self._end(f"posture not reached within {ARRIVE_S:g} s")
+        elif state.time_s >= self._arrived_s + SETTLE_S and task.wrench_sensor is None:
+            self._end("the force/torque sensor is stale or missing")
+        elif state.time_s >= self._arrived_s + SETTLE_S and task.wrench_sensor is not None:
+            self._heard.append((state.q[self.joints], task.wrench_sensor))
+            if state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
+                self._average()
 
     def _on_told(self, reply: requests.Reply) -> None:
         self._allowed = reply.ok
         if not reply.ok:
-            self._fail(f"{reply.reason}: {reply.detail}")
+            self._end(f"{reply.reason}: {reply.detail}")
 
-    def _leave(self, state: State) -> None:
-        q = tuple(self.stops[self._at].q.tolist())
-        self.client.command(t.POSTURE, q=q, mechanism=self._mechanism)
-        self._asked_seq, self._since_s = self.client.seq, state.time_s
-        self._arrived_s = None
-        self._heard.clear()
-
-    def _travel(self, state: State) -> None:
-        if state.last_seq.get(t.POSTURE.key, 0) >= self._asked_seq and self._of(state).at_goal:
-            self._arrived_s = state.time_s
-            if not self.stops[self._at].measure:
-                self._next()
-        elif state.time_s > self._since_s + ARRIVE_S:
-            self._fail(f"posture not reached within {ARRIVE_S:g} s")
-
-    def _listen(self, state: State) -> None:
-        wrench_sensor = self._of(state).wrench_sensor
-        if wrench_sensor is None:
-            self._fail("the force/torque sensor is stale or missing")
-            return
-        joints = slice(None) if self.subject is None else self.subject.joints
-        self._heard.append((state.q[joints], wrench_sensor))
-        if self._arrived_s is not None and state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
-            q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
-            self.samples.append(AttitudeMean(q, wrench))
-            wanted = sum(stop.measure for stop in self.stops)
-            self.say(f"attitude {len(self.samples)} of {wanted}")
-            self._next()
-
-    @property
-    def _mechanism(self) -> str | None:
-        return None if self.subject is None else self.subject.mechanism
-
-    def _of(self, state: State) -> TaskState:
-        return state.of(None if self.subject is None else self.subject.task)
+    def _average(self) -> None:
+        q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
+        self.samples.append(AttitudeMean(q, wrench))
+        wanted = sum(stop.measure for stop in self.stops)
+        self.say(f"attitude {len(self.samples)} of {wanted}")
+        self._next()
 
     def _next(self) -> None:
         self._at += 1
@@ -231,12 +196,8 @@ class Guide:
         if self._at == len(self.stops):
             self._end()
 
-    def _fail(self, why: str) -> None:
-        self.failure = why
-        self._end()
-
-    def _end(self) -> None:
-        self.over = True
+    def _end(self, why: str = "") -> None:
+        super()._end(why)
         if self._allowed:
             self.say("force control waits until the payload is told (operator/payload), or a tare")
 
@@ -245,52 +206,38 @@ class Guide:
 LONGEST_S = 1800.0  # no identification takes longer [s]
 
 
-class Leader(Protocol):
-    """Who leads an arm, told of every state."""
-
-    over: bool
-
-    def run(self, state: State) -> None: ...
-
-
 L = TypeVar("L", bound=Leader)
 
 
-def _lead(cell: Cell, made: Callable[[ProtocolClient], L], longest_s: float) -> L:
-    """Let a leader, made with its client, lead a daemon's arm to the end.
+def _led(cell: Cell, made: Callable[[ProtocolClient], L], longest_s: float, *, simulate: bool) -> L:
+    """Let a leader, made with its client, lead an arm to the end; return it.
 
-    Raises `OperatorError`.
+    A daemon's, or virtual hardware in virtual time. Raises `NotIdentified` where the simulation
+    fails, `OperatorError`.
     """
-    with Operator(cell, name="identify") as operator:
-        operator.acquire()
-        operator.enable()
-        leader = made(operator.client)
-        operator.on_state = leader.run
-        try:
-            operator.spin(longest_s, lambda: leader.over)
-        finally:
-            operator.on_state = ignore
-        return leader
+    if simulate:
+        simulation = Simulation(cell, Script(duration_s=LONGEST_S))
+        leader = made(simulation.player.client)
 
+        def after_tick(running: Simulation) -> None:
+            if running.player.phase is Phase.PLAYING:
+                leader.run(running.states[-1])
+                if leader.over:
+                    running.player.phase = Phase.OVER
 
-def _lead_simulated(cell: Cell, made: Callable[[ProtocolClient], L]) -> L:
-    """Let a leader lead a cell's virtual hardware, in virtual time.
-
-    Raises `NotIdentified` where the simulation fails.
-    """
-    simulation = Simulation(cell, Script(duration_s=LONGEST_S))
-    leader = made(simulation.player.client)
-
-    def after_tick(running: Simulation) -> None:
-        if running.player.phase is Phase.PLAYING:
-            leader.run(running.states[-1])
-            if leader.over:
-                running.player.phase = Phase.OVER
-
-    simulation.on_tick = after_tick
-    failure = simulation.run().summary["failure"]
-    if failure is not None:
-        raise NotIdentified(str(failure))
+        simulation.on_tick = after_tick
+        if (failure := simulation.run().summary["failure"]) is not None:
+            raise NotIdentified(str(failure))
+    else:
+        with Operator(cell, name="identify") as operator:
+            operator.acquire()
+            operator.enable()
+            leader = made(operator.client)
+            operator.on_state = leader.run
+            try:
+                operator.spin(longest_s, lambda: leader.over)
+            finally:
+                operator.on_state = ignore
     return leader
 
 
@@ -302,19 +249,17 @@ def identify(
     *,
     simulate: bool,
 ) -> list[AttitudeMean]:
-    """Lead an arm through the stops: a daemon's, or virtual hardware in virtual time.
+    """Lead an arm, or the only one, through the stops: a daemon's, or virtual hardware.
 
     Raises `NotIdentified` where it could not go on, `OperatorError`.
     """
+    of = subject or subject_of(cell, None)
 
     def made(client: ProtocolClient) -> Guide:
-        return Guide(client, stops, say, subject)
+        return Guide(client, stops, of.joints, say=say, mechanism=of.mechanism, task=of.task)
 
     longest_s = min(LONGEST_S, ARRIVE_S * len(stops))
-    guide = _lead_simulated(cell, made) if simulate else _lead(cell, made, longest_s)
-    if guide.failure or not guide.over:
-        raise NotIdentified(guide.failure or "it took too long")
-    return guide.samples
+    return _led(cell, made, longest_s, simulate=simulate).checked().samples
 
 
 def touch(
@@ -330,14 +275,13 @@ def touch(
     Raises `NotIdentified`, `OperatorError`, or `ConfigError` for a press that the cell does not
     allow.
     """
-    of = subject_of(cell, None) if subject is None else subject
+    of = subject or subject_of(cell, None)
     environment.allowed(of.part, press)
 
     def made(client: ProtocolClient) -> PressGuide:
-        return PressGuide(client, press, say, of.mechanism, of.task)
+        return PressGuide(client, press, say=say, mechanism=of.mechanism, task=of.task)
 
-    guide = _lead_simulated(cell, made) if simulate else _lead(cell, made, LONGEST_S)
-    return environment.environment(of.part, guide)
+    return environment.environment(of.part, _led(cell, made, LONGEST_S, simulate=simulate))
 
 
 def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:

@@ -13,11 +13,12 @@ on, so the cell's own model, which `check` judges by, may tell more; the greater
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -29,10 +30,56 @@ from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.spatial import Array, rotation_rpy
 from ...server.stability.judgement import LoopBounds
 from ...server.stability.loops import ForceLoop, bound
-from ..client.protocol_client import NoLease, ProtocolClient
+from ..client.protocol_client import NoLease, ProtocolClient, ignore
 from .estimate import NotIdentified
 
-# --- The presses: led from state to state, on a daemon or in virtual time -------------------------
+
+# --- Who leads an arm from state to state: on a daemon, in wall time, or in virtual time ----------
+@dataclass
+class Leader(ABC):
+    """Base of what leads one arm, told of every state: it knows no clock but that of the states."""
+
+    client: ProtocolClient
+    say: Callable[[str], None] = field(default=ignore, kw_only=True)
+    """Told, in a line, how far it is."""
+    mechanism: str | None = field(default=None, kw_only=True)  # the arm's name; None: the only one
+    task: str | None = field(default=None, kw_only=True)
+    failure: str = field(default="", init=False)  # reason of a failure
+    over: bool = field(default=False, init=False)
+    _since_s: float = field(default=0.0, init=False)
+    _asked_seq: int = field(default=0, init=False)
+
+    def run(self, state: State) -> None:
+        """Take in a state, and lead on."""
+        if self.over:
+            return
+        try:
+            self._run(state, state.of(self.task))
+        except NoLease as error:
+            self._end(str(error))
+
+    def checked(self) -> Self:
+        """Return it once it has led to the end. Raises `NotIdentified` where it could not."""
+        if self.failure or not self.over:
+            raise NotIdentified(self.failure or "it took too long")
+        return self
+
+    @abstractmethod
+    def _run(self, state: State, task: TaskState) -> None: ...
+
+    def _to(self, state: State, **posture: object) -> None:
+        """Send the arm to a posture."""
+        self.client.command(t.POSTURE, mechanism=self.mechanism, **posture)
+        self._asked_seq, self._since_s = self.client.seq, state.time_s
+
+    def _arrived(self, state: State, task: TaskState, topic: t.Topic) -> bool:
+        return state.last_seq.get(topic.key, 0) >= self._asked_seq and task.at_goal
+
+    def _end(self, why: str = "") -> None:
+        self.failure, self.over = why, True
+
+
+# --- The presses ----------------------------------------------------------------------------------
 APPROACH_SPEED = 1e-3  # through free space [m/s]
 APPROACH_GAIN = 1e-4  # K_F until the stiffness is known about; stable to 300 kN/m and more [m/s/N]
 SETTLES_S = 0.25  # time constant of the force in the presses [s]
@@ -109,24 +156,16 @@ class _Step(Enum):
 
 
 @dataclass
-class PressGuide:
-    """Presses a tool against what is before it. `say` is told, in a line, how far it is."""
+class PressGuide(Leader):
+    """Presses a tool against what is before it."""
 
-    client: ProtocolClient
     press: Press
-    say: Callable[[str], None] = lambda _line: None
-    mechanism: str | None = None  # the arm that it leads, by its name; None: the only one
-    task: str | None = None
     steady: list[Steady] = field(default_factory=list)
     way: list[Sample] = field(default_factory=list)
     """States on the way through the air, once the tool has set out."""
     samples: list[Sample] = field(default_factory=list)
     """States from the first press on."""
-    failure: str = ""  # reason of a failure
-    over: bool = False
     _step: _Step = _Step.SET_OUT
-    _since_s: float = 0.0
-    _asked_seq: int = 0
     _replies: int = 0
     _gain: float = APPROACH_GAIN
     _before: TaskState | None = None
@@ -140,15 +179,6 @@ class PressGuide:
     _recent: deque[Sample] = field(default_factory=lambda: deque(maxlen=2000))
     _air: list[tuple[float, ...]] = field(default_factory=list)
 
-    def run(self, state: State) -> None:
-        """Take in a state, and lead on."""
-        if self.over:
-            return
-        try:
-            self._run(state, state.of(self.task))
-        except NoLease as error:
-            self._end(str(error))
-
     # --- from step to step -------------------------------------------------------------------
 
     def _run(self, state: State, task: TaskState) -> None:
@@ -157,10 +187,16 @@ class PressGuide:
             self._restore()
             return
         match self._step:
+            case _Step.SET_OUT if self.press.posture is None:
+                self._go(_Step.PREPARE, state)
             case _Step.SET_OUT:
-                self._set_out(state)
+                self._go(_Step.TRAVEL, state)
+                self._to(state, posture=self.press.posture)
+            case _Step.TRAVEL if self._arrived(state, task, t.POSTURE):
+                self._go(_Step.PREPARE, state)
             case _Step.TRAVEL:
-                self._travel(state, task)
+                if state.time_s > self._since_s + ARRIVE_S:
+                    self._end(f"posture {self.press.posture!r} not reached within {ARRIVE_S:g} s")
             case _Step.PREPARE:
                 self._prepare(state, task)
             case _Step.RETURN:
@@ -170,20 +206,6 @@ class PressGuide:
                     self._end(self.failure)
             case _:
                 self._pressing(state, task)
-
-    def _set_out(self, state: State) -> None:
-        if self.press.posture is None:
-            self._go(_Step.PREPARE, state)
-            return
-        self.client.command(t.POSTURE, posture=self.press.posture, mechanism=self.mechanism)
-        self._asked_seq = self.client.seq
-        self._go(_Step.TRAVEL, state)
-
-    def _travel(self, state: State, task: TaskState) -> None:
-        if self._arrived(state, task, t.POSTURE):
-            self._go(_Step.PREPARE, state)
-        elif state.time_s > self._since_s + ARRIVE_S:
-            self._end(f"posture {self.press.posture!r} not reached within {ARRIVE_S:g} s")
 
     def _prepare(self, state: State, task: TaskState) -> None:
         """Make force control gentle, and the only source; then let the arm rest."""
@@ -365,9 +387,6 @@ class PressGuide:
     def _late(self, state: State) -> bool:
         return state.time_s > self._since_s + SETTLE_S
 
-    def _arrived(self, state: State, task: TaskState, topic: t.Topic) -> bool:
-        return state.last_seq.get(topic.key, 0) >= self._asked_seq and task.at_goal
-
     @property
     def _own_gain(self) -> float:
         """K_F of the task along the press, as it was."""
@@ -434,9 +453,6 @@ class PressGuide:
             if not self._before.on["force"]:
                 self._request(t.SWITCH, source="force", on=False)
 
-    def _end(self, why: str) -> None:
-        self.failure, self.over = why, True
-
 
 def _stiffness(samples: list[Sample]) -> float:
     """Return the slope of force over measured depth, by both ends of what was sampled [N/m]."""
@@ -467,9 +483,7 @@ class Environment:
 
 def environment(cell: Cell, guide: PressGuide) -> Environment:
     """Return what the presses of a guide tell of what it touched. Raises `NotIdentified`."""
-    if guide.failure or not guide.over:
-        raise NotIdentified(guide.failure or "it took too long")
-    rows = np.array([(s.force, s.measured, s.commanded) for s in guide.steady])
+    rows = np.array([(s.force, s.measured, s.commanded) for s in guide.checked().steady])
     # Each press against the one before: what drifts slowly falls out of it.
     steps = np.diff(rows, axis=0)
     depth = float(np.abs(steps[:, 1]).mean())

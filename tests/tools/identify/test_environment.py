@@ -46,7 +46,7 @@ class Arm:
         self.time_s, self.said, self.gains = 0.0, [], []
         self.client = ProtocolClient("ann", "cell", self.put, self.ask, secret=bytes(32), epoch=1)
         self.press = press or Press(Along.of("z"), 0.02, 15.0)
-        self.guide = PressGuide(self.client, self.press, self.said.append)
+        self.guide = PressGuide(self.client, self.press, say=self.said.append)
 
     def put(self, topic, payload, _proof):
         message = decode_as(topic.message, payload)
