@@ -35,8 +35,8 @@ def arms(cell: Cell) -> Iterator[Finding]:
         yield Finding("arms apart", Severity.WARN, text, {"enabled": False})
     capsules = Capsules(cell)
     for name in REQUIRED_POSTURES:
-        q = np.concatenate([part.config.mechanism.postures[name] for part in cell.parts])
-        gap, pair = _nearest(cell, capsules, q)
+        gap, pair = nearest(cell, capsules, name, FARTHEST, of_arms=True)
+        gap, pair = (gap, pair) if gap < FARTHEST else (FARTHEST, ())
         least = avoidance.self_clearance
         status, room = Severity.OK, least + avoidance.margin
         if gap < least:
@@ -53,16 +53,23 @@ def arms(cell: Cell) -> Iterator[Finding]:
         )
 
 
-def _nearest(cell: Cell, capsules: Capsules, q: np.ndarray) -> tuple[float, tuple[str, ...]]:
-    """Return the least distance between links of two arms at q (n,) [m], and which links."""
-    search, room = PairSearch(cell, capsules), np.full(len(capsules.radius), FARTHEST)
-    near = search.find(capsules.place(q[None]), None, room, 0.0)
+def nearest(
+    cell: Cell, capsules: Capsules, posture: str, farthest: float, *, of_arms: bool = False
+) -> tuple[float, tuple[str, ...]]:
+    """Return the least distance of two links at a posture [m], or of two arms', and which links.
+
+    The `farthest` distance, and none, where no two are nearer.
+    """
+    q = np.concatenate([part.config.mechanism.postures[posture] for part in cell.parts])
+    room = np.full(len(capsules.radius), farthest)
+    near = PairSearch(cell, capsules).find(capsules.place(q[None]), None, room, 0.0)
     root, body, links = capsules.forest.root, capsules.body, capsules.links
-    found: tuple[float, tuple[str, ...]] = (FARTHEST, ())
-    for first, second, gap in zip(near.first, near.second, near.gap, strict=True):
-        if root(int(body[first])) != root(int(body[second])) and gap < found[0]:
-            found = float(gap), (links[first], links[second])
-    return found
+    pairs = [
+        (float(gap), (links[a], links[b]))
+        for a, b, gap in zip(near.first, near.second, near.gap, strict=True)
+        if not of_arms or root(int(body[a])) != root(int(body[b]))
+    ]
+    return min(pairs, key=lambda pair: pair[0], default=(farthest, ()))
 
 
 # --- Check of each CAN bus's load, with every frame stuffed ---------------------------------------
@@ -177,7 +184,15 @@ def sensors(cell: Cell) -> Iterator[Finding]:
     for name, frame in cell.config.frames.moving.items():
         yield _frame(cell, name, frame)
     if cell.cameras:
-        yield _pictures(cell)
+        vision = cell.config.sources.vision
+        until = "the source is on" if vision.view else "a view is stored and the source is on"
+        yield Finding(
+            "pictures",
+            Severity.OK,
+            f"move nothing until {until}; then the tool at up to {vision.speed:g} m/s, "
+            f"{vision.angular_speed:g} rad/s",
+            {"speed": vision.speed},
+        )
     yield _obstacles(cell)
 
 
@@ -224,16 +239,6 @@ def _frame(cell: Cell, name: str, frame: MovingFrameSection) -> Finding:
     if frame.extent is None:
         status, text = Severity.WARN, f"{text}; without an 'extent', as far as the arm reaches"
     return Finding(f"news of {name}", status, text, values)
-
-
-def _pictures(cell: Cell) -> Finding:
-    vision = cell.config.sources.vision
-    until = "the source is on" if vision.view else "a view is stored and the source is on"
-    text = (
-        f"move nothing until {until}; then the tool at up to {vision.speed:g} m/s, "
-        f"{vision.angular_speed:g} rad/s"
-    )
-    return Finding("pictures", Severity.OK, text, {"speed": vision.speed})
 
 
 def _obstacles(cell: Cell) -> Finding:

@@ -38,25 +38,28 @@ ENDLESS_STOP_S = 2.0  # one that takes longer than this is none [s]
 
 def drives(cell: Cell) -> Iterator[Finding]:
     """Judge every drive against its joint in the URDF, against its encoder and its own ramp."""
-    ready = np.array(cell.config.mechanism.postures["ready"])
-    weight = np.abs(Mechanism.from_cell(cell).gravity(ready)[0])
-    each = zip(cell.robot.joints, cell.config.mechanism.drives, strict=True)
-    for i, (joint, drive) in enumerate(each):
-        yield _speed(drive, joint)
-        yield _torque(drive, joint, float(weight[i]))
-        yield _encoder(drive, cell.config.timing.period_s)
+    mechanism, period_s = cell.config.mechanism, cell.config.timing.period_s
+    weight = np.abs(Mechanism.from_cell(cell).gravity(np.array(mechanism.postures["ready"]))[0])
+    for joint, drive, held in zip(cell.robot.joints, mechanism.drives, weight, strict=True):
+        yield Finding(
+            f"{joint.name} speed",
+            graded(drive.max_velocity, joint.velocity, joint.velocity),
+            f"{drive.max_velocity:g} rad/s, URDF {joint.velocity:g}",
+            {"max_velocity": drive.max_velocity, "urdf": joint.velocity},
+        )
+        yield _torque(drive, joint, float(held))
+        apparent = 4.0 / (drive.counts_per_radian * period_s**3)
+        share = apparent / drive.max_jerk
+        yield Finding(
+            f"{drive.joint} encoder",
+            graded(share, QUANTISATION_NOTICE, 1.0),
+            f"4 steps / T³ look like a jerk of {apparent:.3g} rad/s³, {share:.1%} of the bound "
+            f"{drive.max_jerk:g}",
+            {"apparent_jerk": apparent, "max_jerk": drive.max_jerk},
+        )
         yield _stop(drive)
-        if joint.name in cell.config.mechanism.wheels and cell.config.mechanism.base is not None:
-            yield _wraps(drive, cell.config.mechanism.base, cell.config.timing.period_s)
-
-
-def _speed(drive: DriveSection, joint: UrdfJoint) -> Finding:
-    return Finding(
-        f"{joint.name} speed",
-        graded(drive.max_velocity, joint.velocity, joint.velocity),
-        f"{drive.max_velocity:g} rad/s, URDF {joint.velocity:g}",
-        {"max_velocity": drive.max_velocity, "urdf": joint.velocity},
-    )
+        if joint.name in mechanism.wheels and mechanism.base is not None:
+            yield _wraps(drive, mechanism.base, period_s)
 
 
 def _torque(drive: DriveSection, joint: UrdfJoint, weight: float) -> Finding:
@@ -74,18 +77,6 @@ def _torque(drive: DriveSection, joint: UrdfJoint, weight: float) -> Finding:
         status,
         text,
         {"max_torque": drive.max_torque, "urdf": joint.effort, "per_mille": per_mille},
-    )
-
-
-def _encoder(drive: DriveSection, period_s: float) -> Finding:
-    apparent = 4.0 / (drive.counts_per_radian * period_s**3)
-    share = apparent / drive.max_jerk
-    return Finding(
-        f"{drive.joint} encoder",
-        graded(share, QUANTISATION_NOTICE, 1.0),
-        f"4 steps / T³ look like a jerk of {apparent:.3g} rad/s³, {share:.1%} of the bound "
-        f"{drive.max_jerk:g}",
-        {"apparent_jerk": apparent, "max_jerk": drive.max_jerk},
     )
 
 

@@ -212,25 +212,20 @@ def joint_tasks(cell: Cell) -> Iterator[Finding]:
     for section in cell.joint_tasks:
         task = JointTask(section, arms, [names.index(name) for name in section.by])
         start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in task.members]
-        yield _fit(section, task, start)
+        off = task.grips.misfit(start)
+        otherwise = Severity.ERROR if section.at_start else Severity.WARN
+        yield Finding(
+            f"{section.name}.grasps",
+            Severity.OK if off <= FIT_M else otherwise,
+            f"{1e3 * off:.2g} mm from fitting each other at start, at most {1e3 * FIT_M:g} mm",
+            {"misfit_m": off, "bound_m": FIT_M},
+        )
         yield from _load(cell, section)
         yield _fault(cell, section, task, start)
         for i, name in enumerate(section.by):
             for finding in stability(grasp_part(cell, section, i)):
                 if finding.check.startswith("force"):
                     yield replace(finding, check=f"{section.name}.{name}.{finding.check}")
-
-
-def _fit(section: JointTaskSection, task: JointTask, start: list[Array]) -> Finding:
-    """Judge how far the grasps are from fitting each other at the posture `start`."""
-    off = task.grips.misfit(start)
-    fits = Severity.OK if off <= FIT_M else Severity.ERROR if section.at_start else Severity.WARN
-    return Finding(
-        f"{section.name}.grasps",
-        fits,
-        f"{1e3 * off:.2g} mm from fitting each other at start, at most {1e3 * FIT_M:g} mm",
-        {"misfit_m": off, "bound_m": FIT_M},
-    )
 
 
 def _fault(cell: Cell, section: JointTaskSection, task: JointTask, start: list[Array]) -> Finding:

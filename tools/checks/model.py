@@ -12,9 +12,9 @@ from ...server.control.axes import HeldAxes, holding
 from ...server.control.backbone.insertion import FITS, Backbone
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.proximity.capsules import Capsules
-from ...server.control.proximity.pairs import PairSearch
 from ...server.control.spatial import Pose
 from ..scripts.script import load_script
+from .cell import nearest
 from .findings import Finding, Severity, graded
 
 
@@ -91,15 +91,10 @@ def starting(cell: Cell) -> Iterator[Finding]:
 def _own_gaps(cell: Cell, capsules: Capsules) -> Iterator[Finding]:
     """Judge the distance of each arm's links at `start` and `ready`."""
     avoidance = cell.config.avoidance
-    search, room = PairSearch(cell, capsules), np.full(len(capsules.radius), 1.0)
     for name in REQUIRED_POSTURES:
-        q = np.concatenate([part.config.mechanism.postures[name] for part in cell.parts])
-        near = search.find(capsules.place(q[None]), None, room, 0.0)
-        if not near.size:
+        gap, pair = nearest(cell, capsules, name, 1.0)
+        if not pair:
             continue
-        k = int(near.gap.argmin())
-        gap = float(near.gap[k])
-        pair = [capsules.links[int(i[k])] for i in (near.first, near.second)]
         status = Severity.OK
         if gap < avoidance.self_clearance:
             status = Severity.ERROR if gap < 0.0 and avoidance.enabled else Severity.WARN

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism import DifferentialBaseSection, SweepSection
+from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection, ScannerSection
 from ...server.control.forest import Forest
 from ...server.control.proximity.capsules import Capsules
@@ -36,17 +36,19 @@ def own_rays(cell: Cell) -> Iterator[Finding]:
     scanner, contour = cell.config.scanner, cell.config.contour
     if scanner is None or contour is None:
         return
-    radii = _radii(cell)
-    if radii.size:
-        yield _margin(cell, scanner, contour, float(radii.max()))
-        yield _radius(contour, float(radii.max()))
-    yield _plane(cell, contour)
-
-
-def _radii(cell: Cell) -> Array:
-    """Return the radii of the capsules that joints of the arm move [m]."""
     capsules = Capsules(cell)
-    return capsules.radius[capsules.moves[:, arm_joints(cell)].any(axis=1)]
+    radii = capsules.radius[capsules.moves[:, arm_joints(cell)].any(axis=1)]
+    if radii.size:
+        widest = float(radii.max())
+        yield _margin(cell, scanner, contour, widest)
+        yield Finding(
+            "contour radius",
+            Severity.ERROR if contour.link_radius < widest - 1e-6 else Severity.OK,
+            f"link_radius {contour.link_radius:g} m, at least {widest:.3g}: the widest capsule of "
+            "the arm",
+            {"link_radius": contour.link_radius, "least": widest},
+        )
+    yield _plane(cell, contour)
 
 
 def _margin(
@@ -65,16 +67,6 @@ def _margin(
         f"{WISHED * noise:.3g}), and at most {most:.3g}, or what a folded arm passes counts as "
         "the arm",
         {"self_margin": margin, "least": LEAST * noise, "most": most},
-    )
-
-
-def _radius(contour: ContourReflexSection, radius: float) -> Finding:
-    return Finding(
-        "contour radius",
-        Severity.ERROR if contour.link_radius < radius - 1e-6 else Severity.OK,
-        f"link_radius {contour.link_radius:g} m, at least {radius:.3g}: the widest capsule of the "
-        "arm",
-        {"link_radius": contour.link_radius, "least": radius},
     )
 
 
@@ -260,65 +252,49 @@ def _hidden(contour: ContourReflexSection, view: SeenCells, knots: Knots, radii:
 
 # --- Check of the axis that sweeps a laser scanner, and of the scanner's own time -----------------
 def sweep(cell: Cell) -> Iterator[Finding]:
-    """Judge the sweep's speed, and the scanner that it carries; nothing without either."""
-    mechanism, scanner = cell.config.mechanism, cell.config.scanner
-    if mechanism.sweep is not None:
-        yield _sweep_speed(cell, mechanism.sweep)
-        if scanner is not None:
-            yield _carried(cell, mechanism.sweep, scanner)
+    """Judge the sweep's speed, and the scanner that it carries; nothing without either.
+
+    A slower sweep has not seen everything when the arm decides. A mirror passes each angle once in
+    a scan; a scanner that is silent may lose one contour. An unknown link is told where the sight
+    is.
+    """
+    axis, scanner = cell.config.mechanism.sweep, cell.config.scanner
+    if axis is not None:
+        drive = next(d for d in cell.config.mechanism.drives if d.joint == axis.joint)
+        rate, most = 2.0 * (axis.high - axis.low) / axis.period_s, MOST * drive.max_velocity
+        yield Finding(
+            "sweep speed",
+            graded(rate, most, most),
+            f"{axis.low:g} to {axis.high:g} rad in half of {axis.period_s:g} s takes {rate:.3g} "
+            f"rad/s of {axis.joint}, at most {most:.3g}: {MOST:.0%} of max_velocity",
+            {"rate": rate, "limit": most},
+        )
+    if axis is not None and scanner is not None:
+        model = Forest(cell).branches[0].model
+        frame = model.frames[model.getFrameId(scanner.link)]
+        on_it = model.getJointId(axis.joint) in model.supports[frame.parentJoint].tolist()
+        yield Finding(
+            "sweep scanner",
+            Severity.OK if on_it else Severity.ERROR,
+            f"{axis.joint} {'turns' if on_it else 'does not turn'} scanner.link = '{scanner.link}'",
+            {"joint": axis.joint, "link": scanner.link},
+        )
     if scanner is not None:
-        yield _turn(scanner)
-        yield _silence(scanner)
-
-
-def _sweep_speed(cell: Cell, axis: SweepSection) -> Finding:
-    """Judge the speed: a slower sweep has not seen everything when the arm decides."""
-    drive = next(d for d in cell.config.mechanism.drives if d.joint == axis.joint)
-    rate, most = 2.0 * (axis.high - axis.low) / axis.period_s, MOST * drive.max_velocity
-    return Finding(
-        "sweep speed",
-        graded(rate, most, most),
-        f"{axis.low:g} to {axis.high:g} rad in half of {axis.period_s:g} s takes {rate:.3g} rad/s "
-        f"of {axis.joint}, at most {most:.3g}: {MOST:.0%} of max_velocity",
-        {"rate": rate, "limit": most},
-    )
-
-
-def _carried(cell: Cell, axis: SweepSection, scanner: ScannerSection) -> Finding:
-    """Judge whether the scanner is on the axis; an unknown link is told where the sight is."""
-    model = Forest(cell).branches[0].model
-    frame = model.frames[model.getFrameId(scanner.link)]
-    on_it = model.getJointId(axis.joint) in model.supports[frame.parentJoint].tolist()
-    return Finding(
-        "sweep scanner",
-        Severity.OK if on_it else Severity.ERROR,
-        f"{axis.joint} {'turns' if on_it else 'does not turn'} scanner.link = '{scanner.link}'",
-        {"joint": axis.joint, "link": scanner.link},
-    )
-
-
-def _turn(scanner: ScannerSection) -> Finding:
-    """Judge the rays' span: a mirror passes each angle once in a scan."""
-    span = scanner.step * (scanner.rays - 1)
-    return Finding(
-        "scanner rays",
-        graded(span, 2.0 * math.pi, 2.0 * math.pi),
-        f"{scanner.rays} rays span {math.degrees(span):.4g}°, at most 360°",
-        {"span": span, "limit": 2.0 * math.pi},
-    )
-
-
-def _silence(scanner: ScannerSection) -> Finding:
-    """Judge the time after which a scanner counts as silent: one contour may be lost."""
-    contour_s = CONTOUR_EVERY / scanner.rate_hz
-    status = Severity.ERROR if scanner.silent_s < 2.0 * contour_s else Severity.OK
-    return Finding(
-        "scanner silence",
-        status,
-        f"silent_s {scanner.silent_s:g} s, at least {2.0 * contour_s:g}: two contours of "
-        f"{CONTOUR_EVERY} scans at {scanner.rate_hz:g} Hz",
-        {"silent_s": scanner.silent_s, "least": 2.0 * contour_s},
-    )
+        span = scanner.step * (scanner.rays - 1)
+        yield Finding(
+            "scanner rays",
+            graded(span, 2.0 * math.pi, 2.0 * math.pi),
+            f"{scanner.rays} rays span {math.degrees(span):.4g}°, at most 360°",
+            {"span": span, "limit": 2.0 * math.pi},
+        )
+        least = 2.0 * (CONTOUR_EVERY / scanner.rate_hz)
+        yield Finding(
+            "scanner silence",
+            Severity.ERROR if scanner.silent_s < least else Severity.OK,
+            f"silent_s {scanner.silent_s:g} s, at least {least:g}: two contours of "
+            f"{CONTOUR_EVERY} scans at {scanner.rate_hz:g} Hz",
+            {"silent_s": scanner.silent_s, "least": least},
+        )
 
 
 # --- Check of a base's wheels: their places in the URDF, and the speeds that driving takes --------
