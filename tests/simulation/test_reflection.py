@@ -50,6 +50,6 @@ def test_a_network_that_dies_in_contact_ends_the_force_the_motion_and_the_contac
     assert forces[(times > 2.5) & (times < 3.0)].mean() > 5.0
     assert forces[times > 3.0 + cell.config.timing.stream_timeout_s + 0.6].max() < 1.0
     assert str(simulation.cycle.mode) == "hold"
-    client = simulation.player.operators.handles.of_operator["operator"]
+    client = simulation.player.operators.handles["operator"]
     assert client.silent
     np.testing.assert_array_equal(client.device.force, 0.0)

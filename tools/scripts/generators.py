@@ -1,4 +1,4 @@
-"""Generators of commands: handles, masters, obstacles, targets, insertions."""
+"""Generators of commands: masters, obstacles, targets, insertions."""
 
 import math
 from collections import deque
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...config.schema.network import ReflectionSection
 from ...protocols import topics as t
 from ...protocols.codec import encode
 from ...protocols.messages.messages import Frame
@@ -17,55 +16,7 @@ from ...protocols.messages.perception import ObstacleNews
 from ...protocols.messages.rig import RigFault
 from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.spatial import Pose, rotation_exp, rotation_rpy
-from ..client.protocol_client import ProtocolClient
-from ..client.reflection import ReflectingClient
-from .script import SCRIPT, DrivenInsertion, HandleMotion, MovingObstacle, MovingTarget
-
-
-# --- Reflecting handles of a script's operators ---------------------------------------------------
-class Handles:
-    """At most one handle for each operator; none in a cell that reflects no forces."""
-
-    def __init__(self, config: ReflectionSection | None) -> None:
-        self._config = config
-        self.of_operator: dict[str, ReflectingClient] = {}  # by the operators' names
-
-    def take(self, step: HandleMotion, client: ProtocolClient, now_s: float) -> None:
-        """Move a handle as a step says. Raises `ValueError` in a cell that reflects no forces."""
-        handle = self.of_operator.get(client.name)
-        if handle is None:
-            if self._config is None:
-                raise ValueError("device: the cell has no [reflection]")
-            handle = self.of_operator[client.name] = ReflectingClient(self._config, now_s)
-        handle.set_mode(step.mode or handle.mode, step.expressed_in or handle.axes)
-        if step.hand is not None:
-            handle.device.path.move(np.array(step.hand), step.seconds, now_s)
-        if step.held is not None:
-            handle.device.held = step.held
-        if handle.mode == "pose":
-            client.end_stream(t.JOYSTICK)
-            client.stream_made(t.MASTER_POSE, handle.pose)
-        else:
-            client.end_stream(t.MASTER_POSE)
-            client.stream_made(t.JOYSTICK, handle.stick)
-
-    def sent(self, name: str, topic: t.Topic, seq: int, now_s: float) -> None:
-        """Note that an operator sent a command."""
-        handle = self.of_operator.get(name)
-        if handle is not None:
-            handle.trip.sent(topic.key, seq, now_s)
-
-    def on_state(self, name: str, state: State, now_s: float) -> None:
-        """Hand an operator's handle a state that has reached that operator."""
-        handle = self.of_operator.get(name)
-        if handle is not None:
-            handle.on_state(state, now_s)
-
-    def run(self, now_s: float) -> None:
-        """Let all handles move on to now."""
-        for handle in self.of_operator.values():
-            handle.run(now_s)
-
+from .script import SCRIPT, DrivenInsertion, MovingObstacle, MovingTarget
 
 # --- A tool or payload that is driven in by stick, and that searches for its hole where it jams ---
 #
@@ -357,8 +308,7 @@ class TargetMotion:
     def place(self, now_s: float) -> tuple[Place, bool]:
         """Return where the target is at `now_s` [m], and whether it has arrived."""
         start, end = self._step.start, self._step.to
-        whole = math.dist(start, end)
-        gone = self._step.speed * (now_s - self._start_s)
+        whole, gone = math.dist(start, end), self._step.speed * (now_s - self._start_s)
         if gone >= whole:
             return end, True
         part = gone / whole

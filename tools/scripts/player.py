@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from enum import Enum, auto
 from functools import partial
 
+import numpy as np
+
 from ...config.schema.network import ReflectionSection
 from ...protocols import topics as t
 from ...protocols.codec import encode
@@ -18,7 +20,7 @@ from ...protocols.messages.telemetry import State
 from ...protocols.proof import random_key
 from ..client.protocol_client import Ask, NoLease, OnReply, ProtocolClient, Put, ignore
 from ..client.reflection import ReflectingClient
-from .generators import Handles, InsertionMotion, MasterHandle, ObstacleMotions, TargetMotion
+from .generators import InsertionMotion, MasterHandle, ObstacleMotions, TargetMotion
 from .script import (
     SCRIPT,
     SPOKEN,
@@ -106,7 +108,9 @@ class Operators:
         reflection: ReflectionSection | None,
         new_key: Callable[[], bytes],
     ) -> None:
-        self.handles = Handles(reflection)
+        self._reflection = reflection
+        self.handles: dict[str, ReflectingClient] = {}
+        """By the operators' names, at most one each; none in a cell that reflects no forces."""
         self._cell, self._put, self._ask, self._new_key = cell, put, ask, new_key
         self._network = network
         self._now_s = 0.0
@@ -131,9 +135,9 @@ class Operators:
 
     def on_reflection(self, news: Reflection) -> None:
         """Send the force of reflection down the line of every operator with a handle."""
-        for name, handle in self.handles.of_operator.items():
-            arrive = partial(self._feel, handle, news)
-            self._lines[name].carry(arrive, self._now_s, t.REFLECTION.key)
+        for name, handle in self.handles.items():
+            feel = partial(self._feel, handle, news)
+            self._lines[name].carry(feel, self._now_s, t.REFLECTION.key)
 
     def receive(self, now_s: float) -> None:
         """Deliver what has arrived on the lines by now."""
@@ -143,9 +147,8 @@ class Operators:
 
     def run(self, now_s: float) -> None:
         """Move all handles on, and send keepalives and streams that are due."""
-        self.handles.run(now_s)
-        for client in self:
-            client.run(now_s)
+        for each in (*self.handles.values(), *self):
+            each.run(now_s)
 
     def connect(self, name: str, to: LinkConditions) -> None:
         """Change an operator's connection; what is under way arrives as before."""
@@ -159,11 +162,26 @@ class Operators:
 
     def move_device(self, name: str, step: HandleMotion) -> None:
         """Move an operator's reflecting handle. Raises `ValueError` in a cell without them."""
-        self.handles.take(step, self[name], self._now_s)
+        client, handle = self[name], self.handles.get(name)
+        if handle is None:
+            if self._reflection is None:
+                raise ValueError("device: the cell has no [reflection]")
+            handle = self.handles[name] = ReflectingClient(self._reflection, self._now_s)
+        handle.set_mode(step.mode or handle.mode, step.expressed_in or handle.axes)
+        if step.hand is not None:
+            handle.device.path.move(np.array(step.hand), step.seconds, self._now_s)
+        if step.held is not None:
+            handle.device.held = step.held
+        posed = handle.mode == "pose"
+        client.end_stream(t.JOYSTICK if posed else t.MASTER_POSE)
+        client.stream_made(
+            t.MASTER_POSE if posed else t.JOYSTICK, handle.pose if posed else handle.stick
+        )
 
     def _arrive(self, client: ProtocolClient, state: State) -> None:
         client.on_state(state)
-        self.handles.on_state(client.name, state, self._now_s)
+        if (handle := self.handles.get(client.name)) is not None:
+            handle.on_state(state, self._now_s)
 
     def _feel(self, handle: ReflectingClient, news: Reflection) -> None:
         handle.on_reflection(news, self._now_s)
@@ -177,7 +195,8 @@ class Operators:
         line = self._lines[name] = DelayLine(network.seed + len(self._lines), conditions)
 
         def put(topic: t.Topic, payload: bytes, proof: bytes) -> None:
-            self.handles.sent(name, topic, client.seq, self._now_s)
+            if (handle := self.handles.get(name)) is not None:
+                handle.trip.sent(topic.key, client.seq, self._now_s)
             line.carry(lambda: self._put(topic, payload, proof), self._now_s, topic.key)
 
         def ask(

@@ -167,7 +167,7 @@ def _played(cell: Cell, script: Script) -> tuple[Simulation, _Log]:
     rows: list[tuple[float, list[float], list[float], list[float], float]] = []
 
     def look(running: Simulation) -> None:
-        truth, clients = running.truths[-1], running.player.operators.handles.of_operator.values()
+        truth, clients = running.truths[-1], running.player.operators.handles.values()
         for client in clients:
             device = client.device
             rows.append(
