@@ -38,6 +38,11 @@ def ignore(_told: object) -> None:
     """Take in what is told, and do nothing."""
 
 
+def stream_name(topic: t.Topic, fields: Mapping[str, Any]) -> tuple[t.Topic, str]:
+    """Return what tells one stream from another: its topic, and the task or mechanism."""
+    return topic, str(fields.get("task") or fields.get("mechanism") or "")
+
+
 class NoLease(Exception):
     """The client cannot do what it was asked: it holds no lease."""
 
@@ -114,7 +119,7 @@ class ProtocolClient:
         Raises `ValueError` for fields that its message does not take.
         """
         topic.message(**ANYBODY, **fields)  # now, and not in some later `run`
-        self._streams[topic, str(fields.get("task") or fields.get("mechanism") or "")] = fields
+        self._streams[stream_name(topic, fields)] = fields
 
     def stream_made(self, topic: t.Topic, fields: Fields, named: str | None = None) -> None:
         """Keep sending a command at 100 Hz whose fields are made anew each time.

@@ -26,6 +26,7 @@ from ...protocols.messages import messages as m
 from ...protocols.messages.perception import ObstacleNews
 from ...protocols.messages.telemetry import State
 from ...protocols.topics import Flow, Topic
+from ..client.protocol_client import stream_name
 
 # --- Message of a script's step: a topic and its fields, judged as if they came on the wire -------
 SPOKEN: dict[str, Topic] = {
@@ -261,11 +262,6 @@ class Raw(ScriptTable):
 # --- Step of a script: a time, an operator, and one topic with its fields or one generator --------
 WHEN = ("at_s", "operator", "for_s")  # keys of every step
 
-GENERATORS = (
-    "silence", "link", "master", "device", "target", "obstacle", "insertion", "raw", "until",
-)  # fmt: skip
-"""Keys of steps that are no message."""
-
 STREAMS = frozenset(
     topic.key
     for topic in SPOKEN.values()
@@ -309,19 +305,20 @@ class Step(ScriptTable):
         if not isinstance(data, Mapping):
             return data
         keys = [key for key in data if key not in WHEN]
+        generators = [name for name in cls.model_fields if name not in (*WHEN, "message")]
         if len(keys) != 1:
             found = ", ".join(map(str, keys)) or "none"
             raise ValueError(
-                f"one topic or one of {', '.join(GENERATORS)} is expected, not {found}"
+                f"one topic or one of {', '.join(generators)} is expected, not {found}"
             )
         (key,) = keys
-        if key in GENERATORS:
+        if key in generators:
             return data
         topic = SPOKEN.get(key)
         if topic is None:
             raise ValueError(
-                f"{key}: neither a topic nor one of {', '.join(GENERATORS)}"
-                + nearest(str(key), (*SPOKEN, *GENERATORS))
+                f"{key}: neither a topic nor one of {', '.join(generators)}"
+                + nearest(str(key), (*SPOKEN, *generators))
             )
         when = {name: data[name] for name in WHEN if name in data}
         return {**when, "message": TopicMessage.of(topic, data[key])}
@@ -341,16 +338,14 @@ class Step(ScriptTable):
     def streams(self) -> frozenset[str]:
         """Streams that begin, change or end here, as `silence` has them."""
         if self.master is not None:
-            return frozenset({t.MASTER_POSE.key})
-        if self.insertion is not None:
-            key, task = t.JOYSTICK.key, self.insertion.task
-            return frozenset({f"{key}:{task}" if task else key})
-        if self.message is not None and self.message.topic.key in STREAMS:
-            fields = self.message.fields
-            named = fields.get("task") or fields.get("mechanism")
-            key = self.message.topic.key
-            return frozenset({f"{key}:{named}" if named else key})
-        return frozenset(self.silence)
+            topic, named = t.MASTER_POSE, ""
+        elif self.insertion is not None:
+            topic, named = t.JOYSTICK, self.insertion.task or ""
+        elif self.message is not None and self.message.topic.key in STREAMS:
+            topic, named = stream_name(self.message.topic, self.message.fields)
+        else:
+            return frozenset(self.silence)
+        return frozenset({f"{topic.key}:{named}" if named else topic.key})
 
 
 Until.model_rebuild()

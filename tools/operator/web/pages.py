@@ -5,7 +5,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -16,17 +16,12 @@ from ....protocols.messages import requests
 from ....protocols.messages.telemetry import Description, Event, State
 from ....protocols.topics import Role
 from ...client.operator import Connection, OperatorError
-from ...client.protocol_client import Ask, NoLease, ProtocolClient, Put, RoundTrip
+from ...client.protocol_client import Ask, NoLease, ProtocolClient, Put, RoundTrip, stream_name
 from ..words import event_words, is_cause, limit_words, refusal_words, why
 from .streams import DaemonClock, VideoFrame, Videos, Watch, WorldNews, watched_in
 
 # --- Streams that a page may hold, and what each says once it is let go of ------------------------
 STREAMS: Final = (t.JOYSTICK, t.JOG, t.SELF_MOTION, t.DRIVE, t.MASTER_POSE)
-
-
-def stream_name(topic: t.Topic, fields: Mapping[str, Any]) -> tuple[t.Topic, str]:
-    """Return what tells one stream from another: its topic, and the task or mechanism."""
-    return topic, str(fields.get("task") or fields.get("mechanism") or "")
 
 
 def neutral(fields: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -313,15 +308,6 @@ RETRY_S: Final = 1.0
 KEPT_EVENTS: Final = 50  # events that a page is told which comes later [1]
 
 
-class DaemonLink(NamedTuple):
-    """How the daemon is reached, and by whom."""
-
-    daemon: str  # "alive", or "silent"
-    pages: int  # pages that are open [1]
-    holders: list[str]  # names of the pages that hold a lease
-    description: Description | None
-
-
 class PageHub:
     """Passes on what the daemon tells, and what the pages send."""
 
@@ -334,7 +320,10 @@ class PageHub:
         self._daemon_clock = DaemonClock(period_s)
         self._tried_s = self._stated_s = float("-inf")
         self._cause: Event | None = None
-        self._link = DaemonLink("silent", 0, [], None)
+        self._link: dict[str, Any] = {
+            "daemon": "silent", "pages": 0, "holders": [], "description": None
+        }  # fmt: skip
+        """How the daemon is reached, and by whom: what pages were told last."""
         self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
         self.pages: set[Page] = set()
 
@@ -460,23 +449,22 @@ class PageHub:
         connection = self._connection
         since = None if connection is None else connection.state_since_s
         silent = since is None or time.monotonic() - since > SILENT_S
-        told = self._link
-        self._link = DaemonLink(
-            "silent" if silent else "alive",
-            len(self.pages),
-            sorted(p.client.name for p in self.pages if p.client.secret is not None),
-            None if connection is None else connection.description,
-        )
-        if self._link != told:
+        link = {
+            "daemon": "silent" if silent else "alive",
+            "pages": len(self.pages),
+            "holders": sorted(p.client.name for p in self.pages if p.client.secret is not None),
+            "description": None if connection is None else connection.description,
+        }
+        if self._link != link:
+            self._link = link
             for page in self.pages:
                 self._tell_link(page)
 
     def _tell_link(self, page: Page) -> None:
-        link = self._link
-        described = None if link.description is None else link.description.model_dump(mode="json")
+        described: Description | None = self._link["description"]
         page.tell(
-            {"type": "link", "you": page.client.name, "role": str(page.role)}
-            | {**link._asdict(), "description": described}
+            {"type": "link", "you": page.client.name, "role": str(page.role), **self._link}
+            | {"description": None if described is None else described.model_dump(mode="json")}
         )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from ....config.drives import joint_bounds
 from ....config.load import Cell, ConfigError
-from ....config.schema.rig import RigBeamSection
 from ....config.schema.section import PoseSection
 from ....config.schema.sources import SOURCES
 from ....config.schema.surroundings import ObstacleSection, RigTagSection
@@ -416,7 +415,13 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
         ],
         "tags": [_tag(tag) for tag in rig.tags],
         "peg": None if rig.peg is None else rig.peg.model_dump(include={"radius", "length"}),
-        "beam": None if rig.beam is None else _beam(rig.beam),
+        "beam": None
+        if rig.beam is None
+        else {
+            "half_size": rig.beam.half_size,
+            "pegs": [of_pose(peg) for peg in rig.beam.pegs],
+            "peg": rig.beam.peg.model_dump(include={"radius", "length"}),
+        },
         "tool_radius": rig.tool_radius,
     }
 
@@ -442,14 +447,6 @@ def _cells(tag: RigTagSection) -> list[list[int]] | None:
         return None
     found: list[list[int]] = (marker(tag.family, tag.tag, 1) > 127).astype(int).tolist()
     return found
-
-
-def _beam(beam: RigBeamSection) -> dict[str, Any]:
-    return {
-        "half_size": beam.half_size,
-        "pegs": [of_pose(peg) for peg in beam.pegs],
-        "peg": beam.peg.model_dump(include={"radius", "length"}),
-    }
 
 
 # --- Description of a cell for the page: all that does not change while it runs, as JSON ----------
