@@ -169,6 +169,14 @@ class Tube(NamedTuple):
         off = points - self.start - part[:, None] * along
         return np.asarray(np.sqrt((off * off).sum(axis=1)) - self.radius)
 
+    def placed(self, R: Array, p: Array) -> "Tube":
+        """Return it in the frame in which its own is at R (3, 3), p (3,)."""
+        return Tube(R @ self.start + p, R @ self.end + p, self.radius)
+
+    def seen_from(self, R: Array, p: Array) -> "Tube":
+        """Return it in a frame that is at R (3, 3), p (3,) of its own."""
+        return Tube((self.start - p) @ R, (self.end - p) @ R, self.radius)
+
     def holds(self, points: Array) -> NDArray[np.bool_]:
         """Return which of some points (p, 3) are inside (p,)."""
         return np.asarray(self.distance(points) <= 0.0)
@@ -201,8 +209,7 @@ def fit(shape: LinkMesh) -> Fit:
         ]
         if not trials:
             continue
-        quick = min(range(len(trials)), key=lambda i: _volume(trials[i][0]))
-        _, along, at = trials[quick]
+        _, along, at = min(trials, key=lambda trial: sum(tube.volume() for tube in trial[0]))
         exact = _in_pieces(triangles, along, at, quick=False)
         if exact is not None and union(exact[0]) < WORTH ** (count - len(best)) * union(best):
             best = exact[0]
@@ -311,10 +318,6 @@ def extreme(points: Array, most: int = _CORNERS) -> Array:
     return np.asarray(points[np.unique(np.concatenate(found))])
 
 
-def _volume(tubes: tuple[Tube, ...]) -> float:
-    return sum(tube.volume() for tube in tubes)
-
-
 def union(tubes: tuple[Tube, ...]) -> float:
     """Return the volume of capsules, what they share once [m³]."""
     if len(tubes) == 1:
@@ -354,8 +357,8 @@ class _Item:
 def merged(fits: Sequence[Fit], places: Mapping[str, Place], most: int) -> list[Fit]:
     """Return capsules of the same links, at most so many where each body has one left."""
     items = [
-        _Item(places[fit.link].body, fit.link, _placed(tube, places[fit.link]), {fit.link})
-        for fit in fits
+        _Item(at.body, fit.link, tube.placed(at.R, at.p), {fit.link})
+        for fit, at in ((fit, places[fit.link]) for fit in fits)
         for tube in fit.tubes
     ]
     for may in (lambda body: not body, lambda _body: True):
@@ -393,7 +396,12 @@ def _by_link(items: list[_Item], fits: Sequence[Fit], places: Mapping[str, Place
         if len(own) == len(fit.tubes) and all(item.of == {fit.link} for item in own):
             found.append(fit)
             continue
-        tubes = tuple(_seen_from(item.tube, places[fit.link]) for item in own)
+        at = places[fit.link]
+        # Rounded to four digits in the file: a tenth of a millimetre off, at most.
+        tubes = tuple(
+            Tube(t.start.round(4), t.end.round(4), t.radius + 1e-4)
+            for t in (item.tube.seen_from(at.R, at.p) for item in own)
+        )
         source = "its shape and others'" if bare - told else "its shape"
         found.append(Fit(fit.link, tubes, fit.ratio, source, tuple(sorted(bare - told))))
     return found
@@ -428,13 +436,3 @@ def _points(tube: Tube) -> Array:
     level = np.sqrt(1.0 - up * up)
     ball = np.column_stack([level * np.cos(turn), level * np.sin(turn), up]) * tube.radius
     return np.concatenate([tube.start + ball, tube.end + ball])
-
-
-def _placed(tube: Tube, at: Place) -> Tube:
-    return Tube(at.R @ tube.start + at.p, at.R @ tube.end + at.p, tube.radius)
-
-
-def _seen_from(tube: Tube, at: Place) -> Tube:
-    start, end = (tube.start - at.p) @ at.R, (tube.end - at.p) @ at.R
-    # Rounded to four digits in the file: a tenth of a millimetre off, at most.
-    return Tube(start.round(4), end.round(4), tube.radius + 1e-4)

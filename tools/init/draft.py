@@ -4,7 +4,7 @@ import math
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -206,9 +206,13 @@ def text_of(
         centre, normal, half = first.wall
         stiffness = first.stiffness[0]
         wall = _block("wall", centre=centre, normal=normal, half=half, stiffness=stiffness)
-    named_pairs = {pair for draft in drafts for pair in _in_cell(draft, drafts)}
-    named_pairs |= {(min(pair), max(pair)) for pair in contacts}
-    pairs = [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in sorted(named_pairs)]
+    named_pairs = {
+        (name_in(draft, drafts, a), name_in(draft, drafts, b))
+        for draft in drafts
+        for a, b in draft.contacts
+    } | set(contacts)
+    in_order = sorted({(min(pair), max(pair)) for pair in named_pairs})
+    pairs = [f"  {{ link = {quoted(a)}, other = {quoted(b)} }}," for a, b in in_order]
     lines = _block(
         "cell",
         draft=first,
@@ -276,8 +280,7 @@ def _stands(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
     """Return where an arm stands, and which joints and links of its file are not its own."""
     arm, lines, without = draft.arm, [], draft.arm.without
     if draft is not drafts[0]:
-        root = next(link for link in arm.root.findall("link") if _is_root(link, arm.root))
-        without = (root.get("name", ""),)
+        without = (arm.tree.roots[0],)
     if draft.wheels is not None and draft.wheels.height:
         lines += _block("above the floor", xyz=[0.0, 0.0, draft.wheels.height])
     if arm.first_joint is not None:
@@ -289,11 +292,6 @@ def _stands(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
         lines += ["# Another arm of the cell has these, and all that they carry."]
         lines += [f"without = [{told}]"]
     return lines
-
-
-def _is_root(link: ET.Element, root: ET.Element) -> bool:
-    children = {child.get("link") for child in root.findall("joint/child")}
-    return link.get("name") not in children
 
 
 def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
@@ -346,13 +344,6 @@ def name_in(draft: Draft, drafts: Sequence[Draft], link: str) -> str:
         return link
     owner = draft if link in draft.arm.own else drafts[0]
     return f"{owner.arm.name}.{link}"
-
-
-def _in_cell(draft: Draft, drafts: Sequence[Draft]) -> Iterator[tuple[str, str]]:
-    """Yield an arm's contacts by the names that their links have in the cell."""
-    for pair in draft.contacts:
-        a, b = sorted(name_in(draft, drafts, link) for link in pair)
-        yield a, b
 
 
 def _radius(draft: Draft) -> float:

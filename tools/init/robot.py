@@ -389,7 +389,10 @@ def _look_at(arms: Sequence[UrdfArm], link: ET.Element, packages: Mapping[str, P
     if shape is not None:
         around = fit(shape)
     elif mass >= FRAME_MASS and link.find("collision") is None:
-        around = _ball(name, mass, origin_of(link.find("inertial"))[1])
+        # A ball of its mass: it has no shape, and something has to keep it clear.
+        com = origin_of(link.find("inertial"))[1].round(4)
+        radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
+        around = Fit(name, (Tube(com, com, radius),), 1.0, "the mass of no shape")
     for arm in its:
         arm.fits += [] if around is None else [around]
     why = inertial_fault(link)
@@ -410,12 +413,6 @@ def _look_at(arms: Sequence[UrdfArm], link: ET.Element, packages: Mapping[str, P
         given = Inertial(name, mass, hull.centre, inertia, why)
     for arm in its:
         arm.inertials.append(given)
-
-
-def _ball(name: str, mass: float, com: Array) -> Fit:
-    """Return a ball of a link's mass: it has no shape, and something has to keep it clear."""
-    radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
-    return Fit(name, (Tube(com.round(4), com.round(4), radius),), 1.0, "the mass of no shape")
 
 
 def _alone(arm: UrdfArm, name: str) -> bool:
