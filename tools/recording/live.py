@@ -3,12 +3,12 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,10 +17,9 @@ from ...drivers.bus import BusErrors, CanBus, open_bus
 from ...drivers.device import DeviceError
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
-from ...drivers.network.session import Session, TopicBuffer
+from ...drivers.network.session import Session
 from ...protocols import topics as t
 from ...protocols.codec import CodecError, decode
-from ...protocols.messages.messages import Message
 from ...protocols.messages.perception import ScanPoints
 from ...protocols.messages.telemetry import Event, RecordedTick, State
 from ...protocols.topics import Role
@@ -202,13 +201,6 @@ SHOWN_EVERY_NS: Final = 30_000_000
 PNG_END: Final = b"IEND\xaeB`\x82"  # the last bytes of a picture that is written to its end
 
 
-class Ear(NamedTuple):
-    """A topic that is listened to."""
-
-    topic: t.Topic
-    inbox: TopicBuffer
-
-
 class CellRecorder:
     """Hears one cell, and writes it to files."""
 
@@ -220,7 +212,7 @@ class CellRecorder:
         # pictures are recorded. Obstacles are those that the daemon holds: what anybody put on the
         # sensors' key, it may have refused.
         self._ears = [
-            Ear(topic, session.subscribe(topic, DEPTH))
+            (topic, session.subscribe(topic, DEPTH))
             for topic in t.TOPICS
             if not topic.flow.asks
             and topic not in (t.VIDEO, t.OBSTACLE)
@@ -239,14 +231,16 @@ class CellRecorder:
 
     def turn(self) -> None:
         """Write what has come by now. Raises `OSError` where it cannot be written."""
-        for ear in self._ears:
-            for payload in islice(ear.inbox.take(), DEPTH):
-                self._message(ear.topic, payload, time.time_ns())
+        for topic, inbox in self._ears:
+            for payload in islice(inbox.take(), DEPTH):
+                self._message(topic, payload, time.time_ns())
         for i, bus in self._buses:
             self._frames(i, bus)
         if self._pictures is not None:
             for camera, data in self._new_pictures(self._pictures):
-                self._files.now.proto(*_stamped(self._viewer, camera, data))
+                stamp_ns = time.time_ns()
+                name, image = self._viewer.of_picture(camera, data, stamp_ns)
+                self._files.now.proto(name, stamp_ns, image)
                 self.heard += 1
         self._files.turn()
 
@@ -266,21 +260,19 @@ class CellRecorder:
         if isinstance(message, RecordedTick):
             file.ticks(message.stamp_ns, message.data, message.memory)
             return
+        shown: Iterable[tuple[str, Any]] = ()
         if isinstance(message, ScanPoints):
             file.scan(stamp_ns / 1e9, message.points_mm)
-            file.proto(*_at(stamp_ns, self._viewer.of_scan(message, stamp_ns)))
-            return
-        file.message(NAMES.get(topic.key, topic.key), stamp_ns / 1e9, message)
-        for name, shown in self._shown(message, stamp_ns):
-            file.proto(name, stamp_ns, shown)
-
-    def _shown(self, message: Message, stamp_ns: int) -> Iterator[tuple[str, object]]:
-        if isinstance(message, State):
-            if stamp_ns >= self._due_ns:
-                self._due_ns = stamp_ns + SHOWN_EVERY_NS
-                yield from self._viewer.of_state(message, stamp_ns)
-        elif isinstance(message, Event):
-            yield self._viewer.of_event(message, stamp_ns)
+            shown = (self._viewer.of_scan(message, stamp_ns),)
+        else:
+            file.message(NAMES.get(topic.key, topic.key), stamp_ns / 1e9, message)
+        if isinstance(message, Event):
+            shown = (self._viewer.of_event(message, stamp_ns),)
+        elif isinstance(message, State) and stamp_ns >= self._due_ns:
+            self._due_ns = stamp_ns + SHOWN_EVERY_NS
+            shown = self._viewer.of_state(message, stamp_ns)
+        for name, each in shown:
+            file.proto(name, stamp_ns, each)
 
     def _frames(self, i: int, bus: CanBus) -> None:
         for _ in range(MOST_FRAMES):
@@ -313,15 +305,6 @@ NAMES: Final = {"tlm/state": "state", "tlm/event": "event", "rig/truth": "truth"
                 "tlm/reflection": "reflection", "tlm/obstacle": "obstacle",
                 "sensor/contour": "contour"}  # fmt: skip
 """Topics under the names that the recording of a simulation gives them, for `telerobot plot`."""
-
-
-def _at(stamp_ns: int, shown: tuple[str, object]) -> tuple[str, int, object]:
-    return shown[0], stamp_ns, shown[1]
-
-
-def _stamped(viewer: Viewer, camera: str, data: bytes) -> tuple[str, int, object]:
-    stamp_ns = time.time_ns()
-    return _at(stamp_ns, viewer.of_picture(camera, data, stamp_ns))
 
 
 # --- `telerobot record CELL`: a running cell as MCAP files, by a process of its own ---------------

@@ -43,13 +43,12 @@ class Recorder:
         self.close()
 
     def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
-        row = {"id": can_id, "data": base64.b64encode(data).decode(), "sent": sent, "bus": bus}
+        row = {"id": can_id, "data": data, "sent": sent, "bus": bus}
         self._write("can", lambda: _SCHEMAS["can"], time_s, row)
 
     def scan(self, time_s: float, points_mm: bytes) -> None:
         """Write the points of a laser scan, as `ScanPoints` has them."""
-        row = {"points_mm": base64.b64encode(points_mm).decode()}
-        self._write("scan", lambda: _SCHEMAS["scan"], time_s, row)
+        self._write("scan", lambda: _SCHEMAS["scan"], time_s, {"points_mm": points_mm})
 
     def message(self, topic: str, time_s: float, message: Message) -> None:
         """Write a message of the protocol."""
@@ -76,21 +75,22 @@ class Recorder:
 
     def proto(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Write a message of protobuf, with its schema."""
-        channel = self._channels.get(topic)
-        if channel is None:
+        if topic not in self._channels:
             descriptor = message.DESCRIPTOR
             schema = self._writer.register_schema(
                 descriptor.full_name, "protobuf", _files_of(descriptor.file)
             )
-            channel = self._writer.register_channel(topic, "protobuf", schema)
-            self._channels[topic] = channel
-        self._add(channel, stamp_ns, message.SerializeToString())
+            self._channels[topic] = self._writer.register_channel(topic, "protobuf", schema)
+        self._add(topic, stamp_ns, message.SerializeToString())
 
     def ticks(self, stamp_ns: int, data: bytes, memory: bytes) -> None:
         """Write a tick that is bytes already, and the memory that it began with, if any."""
-        if memory:
-            self._write_bytes(MEMORY, stamp_ns, memory)
-        self._write_bytes(TICK, stamp_ns, data)
+        for topic, packed in ((MEMORY, memory), (TICK, data)):
+            if packed and topic not in self._channels:
+                channel = self._writer.register_channel(topic, "msgpack", 0, {"telerobot": "1"})
+                self._channels[topic] = channel
+            if packed:
+                self._add(topic, stamp_ns, packed)
 
     @property
     def size(self) -> int:
@@ -105,28 +105,19 @@ class Recorder:
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
-    def _write_bytes(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        channel = self._channels.get(topic)
-        if channel is None:
-            channel = self._writer.register_channel(topic, "msgpack", 0, {"telerobot": "1"})
-            self._channels[topic] = channel
-        self._add(channel, stamp_ns, data)
-
-    def _add(self, channel: int, stamp_ns: int, data: bytes) -> None:
+    def _add(self, topic: str, stamp_ns: int, data: bytes) -> None:
         self._sequence += 1
-        self._writer.add_message(channel, stamp_ns, data, stamp_ns, self._sequence)
+        self._writer.add_message(self._channels[topic], stamp_ns, data, stamp_ns, self._sequence)
 
     def _write(
         self, topic: str, schema: Callable[[], dict[str, Any]], time_s: float, row: Any
     ) -> None:
-        channel = self._channels.get(topic)
-        if channel is None:
+        if topic not in self._channels:
             schema_id = self._writer.register_schema(
                 f"telerobot.{topic}", "jsonschema", json.dumps(schema()).encode()
             )
-            channel = self._writer.register_channel(topic, "json", schema_id)
-            self._channels[topic] = channel
-        self._add(channel, round(time_s * 1e9), json.dumps(row, default=_fields_of).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+        self._add(topic, round(time_s * 1e9), json.dumps(row, default=_fields_of).encode())
 
 
 def _fields_of(value: object) -> dict[str, Any] | str:

@@ -104,7 +104,9 @@ class Replay:
             if key is not None:
                 if memory is not None:
                     judgement.memories += 1
-                    difference = _of_memory(memory, key)
+                    if pack(memory) != key:
+                        layout = first_difference(unpack(key), memory) or "another layout"
+                        difference = f"memory: {layout}"
                 memory, key = unpack(key), None
             if memory is None:
                 judgement.skipped += 1
@@ -147,13 +149,6 @@ def _words(name: str, value: Any) -> str:
     if name not in _ARRAYS or not isinstance(value, bytes):
         return repr(value)
     return np.array2string(np.frombuffer(value), precision=17, separator=", ")
-
-
-def _of_memory(memory: Memory, key: bytes) -> str | None:
-    """Return the first difference between a recorded memory and that of now."""
-    if pack(memory) == key:
-        return None
-    return f"memory: {first_difference(unpack(key), memory) or 'another layout'}"
 
 
 def first_difference(a: Any, b: Any, path: str = "") -> str | None:
@@ -231,7 +226,8 @@ def _arm(
     for name, twist in output.desired.twists.items():
         if float(np.abs(twist).max()) > SMALL:
             gain = output.task.gains.get(name)
-            yield _line(f"  {name}", _numbers(twist) + ("" if gain is None else _gain(gain)))
+            told = "" if gain is None else f", gain {_numbers(gain)}"
+            yield _line(f"  {name}", _numbers(twist) + told)
     yield _line("  sum", _numbers(output.desired.twist))
     if output.task.position.progress is not None:
         path = output.task.position.progress
@@ -262,16 +258,12 @@ def _arm(
     yield "6 gate, 7 actuate"
     yield _line("  refusal", output.refusal or "none")
     yield _line("  sent", _numbers(output.command))
-    state = [
-        word
-        for word, so in (
-            ("at rest", output.at_rest),
-            ("at its goal", output.at_goal),
-            ("bleeding off contact", output.bleeding),
-        )
-        if so
-    ]
-    yield _line("  state", ", ".join(state) or "moving")
+    words = {
+        "at rest": output.at_rest,
+        "at its goal": output.at_goal,
+        "bleeding off contact": output.bleeding,
+    }
+    yield _line("  state", ", ".join(word for word, so in words.items() if so) or "moving")
 
 
 def _asked(inputs: Inputs) -> Iterator[str]:
@@ -296,10 +288,6 @@ def _asked(inputs: Inputs) -> Iterator[str]:
         yield f"speed factor {inputs.settings.speed_factor:g}"
 
 
-def _gain(gain: Array) -> str:
-    return f", gain {_numbers(gain)}"
-
-
 def _numbers(values: Array) -> str:
     return "[" + " ".join(f"{value:.5g}" for value in values.tolist()) + "]"
 
@@ -314,10 +302,7 @@ def run(args: argparse.Namespace) -> int:
 
     Raises `RecordError`, `OSError`.
     """
-    return _replay(args.file, args.until, args.explain)
-
-
-def _replay(path: Path, until: float | None, explained: bool) -> int:
+    path, until = args.file, args.until
     cell, version = read_cell(path), read_about(path).get("version")
     ours = metadata.version("telerobot")
     if version not in (None, ours):
@@ -334,7 +319,7 @@ def _replay(path: Path, until: float | None, explained: bool) -> int:
         last = tick
     if last is None:
         raise RecordError(f"{path}: holds no memory that a tick began with: nothing to replay")
-    if explained:
+    if args.explain:
         print(*map(printable, explain(cell, last).splitlines()), sep="\n")
     same = judgement.difference is None
     first, skipped = judgement.first_s or 0.0, ""

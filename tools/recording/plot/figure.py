@@ -300,19 +300,12 @@ def tool_path(run: RecordedRun, ax: Axes) -> bool:
 
 
 PANELS: dict[str, Callable[[RecordedRun, Axes], bool]] = {
-    "distances": distances,
-    "potentials": potentials,
-    "slope": slope,
-    "priority": priority,
-    "rates": rates,
-    "self_motion": self_motion,
-    "arm_angle": arm_angle,
-    "view": view,
-    "granted": granted,
-    "off_path": off_path,
-    "tool_path": tool_path,
-    "internal_force": internal_force,
-}
+    panel.__name__: panel
+    for panel in (
+        distances, potentials, slope, priority, rates, self_motion, arm_angle, view, granted,
+        off_path, tool_path, internal_force,
+    )
+}  # fmt: skip
 """Panels by name; each returns whether there was anything to draw."""
 
 

@@ -22,7 +22,7 @@ from ....protocols.messages.perception import NOTHING
 from ....server.control.backbone.curve import centre_line, told_section
 from ....server.control.backbone.insertion import Backbone
 from ....server.control.inputs import ToldTunnel
-from ....server.control.proximity.capsules import Capsule, Capsules
+from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Pose
 from ....server.perception.scanning.contour import CellPlane, crossed
 from ....server.perception.scanning.reflex import CriticalPoints
@@ -84,7 +84,7 @@ def covers(cell: Cell, packages: Mapping[str, Path]) -> list[LinkCover]:
             body, T = capsules.forest.body_of(name)
             same = [c for c in capsules.each if c.body == body]
             own = [c for c in same if c.link == name] or same
-            tubes = tuple(_seen_from(c, T.R, T.p) for c in own)
+            tubes = tuple(Tube(c.start, c.end, c.radius).seen_from(T.R, T.p) for c in own)
             carrier = Pose.from_xyz_rpy(base.xyz, base.rpy)
             if body > 0:
                 carrier = Pose(frames[body - 1][:, :3], frames[body - 1][:, 3])
@@ -105,7 +105,7 @@ def drawn(title: str, links: Sequence[LinkCover]) -> Figure:
         ax = figure.add_subplot(top[column])
         for link in links:
             R, p = link.at_ready
-            moved = tuple(Tube(R @ t.start + p, R @ t.end + p, t.radius) for t in link.tubes)
+            moved = tuple(tube.placed(R, p) for tube in link.tubes)
             _view(ax, link.triangles @ R.T + p, moved, (across, up))
         ax.set_title(f"at `ready`, World {_AXES[across]}{_AXES[up]} [m]", fontsize="small")
     for row in range(rows):
@@ -129,11 +129,6 @@ def _cover(name: str, triangles: Array, tubes: tuple[Tube, ...], at: Pose) -> Li
     apart = np.min([t.distance(far) for t in tubes], axis=0) if tubes else np.full(1, math.inf)
     outside = float(apart.max())
     return LinkCover(name, triangles, tubes, ratio, outside if outside > 1e-6 else 0.0, at)
-
-
-def _seen_from(capsule: Capsule, R: Array, p: Array) -> Tube:
-    """Return a capsule of a body in the frame of a link, which is at R, p of the body."""
-    return Tube((capsule.start - p) @ R, (capsule.end - p) @ R, capsule.radius)
 
 
 def _view(ax: Axes, triangles: Array, tubes: Sequence[Tube], axes: tuple[int, int]) -> None:
