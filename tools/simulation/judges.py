@@ -275,43 +275,27 @@ def _pose(six: tuple[float, ...]) -> Pose:
     return Pose.from_xyz_rpy(six[:3], six[3:])
 
 
-# --- Judge of a peg as an arm's tool: how deep it truly is in a hole, wherever the hole really is
-class PegJudge:
-    """Finds the depth of each arm's peg; idle for a cell without pegs and holes."""
+# --- Depth of pegs as arms' tools: truly in a hole, wherever the hole really is -------------------
+def peg_depths(cell: Cell, truth: RigTruth) -> list[float]:
+    """Return how deep each arm's peg is in the hole that it is nearest to the axis of [m].
 
-    def __init__(self, cell: Cell) -> None:
-        rig = cell.config.rig
-        holes = () if rig is None else rig.holes
-        self._holes = [
-            ((placed(h.T_world_hole) @ placed(h.misplaced)).inverse(), h.radius) for h in holes
-        ]
-        self._names = [
-            part.config.mechanism.name
-            for part in cell.parts
-            if part.config.rig is not None and part.config.rig.peg is not None
-        ]
-
-    def depths(self, truth: RigTruth) -> list[float]:
-        """Return how deep each peg's end is in the hole that it is nearest to the axis of [m].
-
-        Negative before the mouth, 0 where it is below the mouth, but beside the hole.
-        """
-        if not self._holes:
-            return []
-        return [self._depth(truth.arms[name].pose_mrf[:3]) for name in self._names]
-
-    def figures(self, truth: RigTruth) -> dict[str, object]:
-        """Return the figures for a simulation's JSON; none without pegs and holes."""
-        depths = self.depths(truth)
-        return {"peg_depth_m": depths} if depths else {}
-
-    def _depth(self, end: tuple[float, float, float]) -> float:
-        found = []
-        for T_hole_world, radius in self._holes:
-            x, y, z = (T_hole_world.R @ np.array(end) + T_hole_world.p).tolist()
+    Negative before the mouth, 0 where its end is below the mouth, but beside the hole. None of a
+    cell without pegs and holes.
+    """
+    holes = () if cell.config.rig is None else cell.config.rig.holes
+    placed_holes = [(placed(h.T_world_hole) @ placed(h.misplaced), h.radius) for h in holes]
+    depths = []
+    for part in cell.parts if holes else ():
+        if part.config.rig is None or part.config.rig.peg is None:
+            continue
+        end, found = np.array(truth.arms[part.config.mechanism.name].pose_mrf[:3]), []
+        for T, radius in placed_holes:
+            T_hole_world = T.inverse()
+            x, y, z = (T_hole_world.R @ end + T_hole_world.p).tolist()
             aside = math.hypot(x, y)
             found.append((aside, -z if z > 0.0 or aside < radius else 0.0))
-        return min(found)[1]
+        depths.append(min(found)[1])
+    return depths
 
 
 # --- Judge of an arm in tunnels: where its links truly are, and what they press on the walls ------

@@ -34,12 +34,12 @@ from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Expected, Script, Step, load_script
 from .judges import (
-    PegJudge,
     ToolJudge,
     TunnelJudge,
     ViewJudge,
     base_figures,
     beam_figures,
+    peg_depths,
     posture_figures,
 )
 from .observer import Observer
@@ -358,7 +358,8 @@ class Simulation:
         }
         if self.truths:
             summary |= posture_figures(self.cell, self.player.script, self.truths[-1])
-            summary |= PegJudge(self.real).figures(self.truths[-1])
+            depths = peg_depths(self.real, self.truths[-1])
+            summary |= {"peg_depth_m": depths} if depths else {}
         summary |= beam_figures(self.truths, period)
         summary |= base_figures(self.cell, self.states, self.truths)
         expected = tuple(self.player.script.expect.judge(summary))

@@ -26,7 +26,7 @@ from laboratory.oracle.poses import rotation
 from telerobot.config.load import Cell, ConfigError, altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import load_script
-from telerobot.tools.simulation.judges import PegJudge
+from telerobot.tools.simulation.judges import peg_depths
 from telerobot.tools.simulation.simulation import Simulation
 
 CELL = "pa10_peg"
@@ -152,7 +152,6 @@ class _DepthWatch:
         self._newest = deque([np.zeros(2)] * steps, steps)
         self.depth = -math.inf
         self.deep_s = math.inf
-        self._peg = PegJudge(simulation.cell)
         simulation.on_physics = self._on_physics
         simulation.on_tick = self._on_tick
 
@@ -163,7 +162,7 @@ class _DepthWatch:
         self.net, self.peak = max(self.net, net), max(self.peak, total)
 
     def _on_tick(self, simulation: Simulation) -> None:
-        self.depth = self._peg.depths(simulation.truths[-1])[0]
+        self.depth = peg_depths(simulation.cell, simulation.truths[-1])[0]
         if self.depth >= DEEP and math.isinf(self.deep_s):
             self.deep_s = simulation.clock.time_s - simulation.player.start_s
 

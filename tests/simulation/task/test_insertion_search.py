@@ -5,7 +5,7 @@ from laboratory.campaign.contact import searched
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.section import PoseSection
 from telerobot.tools.scripts.script import Script
-from telerobot.tools.simulation.judges import PegJudge
+from telerobot.tools.simulation.judges import peg_depths
 from telerobot.tools.simulation.simulation import Simulation
 
 from ..conftest import Run
@@ -30,10 +30,10 @@ def insert():
         off = rig.holes[0].model_copy(update={"misplaced": PoseSection(xyz=(-0.0066, -0.0024, 0))})
         real = altered(told, {"rig.holes": (off,)})
         made = Script.model_validate({"duration_s": seconds, "step": [{"at_s": 0.5, **step}]})
-        simulation, judge = Simulation(told, made, real=real), PegJudge(real)
+        simulation = Simulation(told, made, real=real)
 
         def depth():
-            return judge.depths(simulation.truths[-1])[0] if simulation.truths else 0.0
+            return peg_depths(real, simulation.truths[-1])[0] if simulation.truths else 0.0
 
         return Run(simulation, simulation.run(until=lambda: depth() > 0.02)), depth()
 
