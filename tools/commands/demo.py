@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
                 print(plant.complaints(), end="", file=sys.stderr)
                 say(f"telerobot: {error}")
                 return 1
-            show.close()
+            show.operator.close()
             healthy = plant.stop()
         if not healthy:
             print(plant.complaints(), end="", file=sys.stderr)
@@ -112,9 +112,6 @@ class _Show:
             self._errors += [event for event in run.events if event.severity == "error"]
             self._refused += run.player.refused
             self._failure = run.failure
-
-    def close(self) -> None:
-        self.operator.close()
 
     def summary(self, statistics: dict[str, float]) -> dict[str, object]:
         """Return what the headless demo showed."""

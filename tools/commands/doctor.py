@@ -43,7 +43,15 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
         f"{cores}" + ("" if cores >= 2 else ": the daemon wants one of its own"),
         {"cores": cores, "python": platform.python_version(), "kernel": platform.release()},
     )
-    yield _governor(machine.governor())
+    name = machine.governor()
+    yield Finding(
+        "CPU governor",
+        Severity.OK if name in (None, "performance") else Severity.WARN,
+        {None: "not readable here", "performance": "performance"}.get(
+            name, f"{name}: 'performance' wakes up sooner"
+        ),
+        {"governor": name},
+    )
     yield _granted(
         "memory lock",
         machine.memory_lock_refusal(),
@@ -103,18 +111,6 @@ def _granted(check: str, refusal: str, otherwise: str) -> Finding:
     if refusal:
         return Finding(check, Severity.WARN, f"{refusal}: {otherwise}", {"granted": False})
     return Finding(check, Severity.OK, "granted", {"granted": True})
-
-
-def _governor(name: str | None) -> Finding:
-    if name is None:
-        return Finding("CPU governor", Severity.OK, "not readable here", {"governor": None})
-    fast = name == "performance"
-    return Finding(
-        "CPU governor",
-        Severity.OK if fast else Severity.WARN,
-        name if fast else f"{name}: 'performance' wakes up sooner",
-        {"governor": name},
-    )
 
 
 def _timer(jitter: machine.Jitter, fifo: bool) -> Finding:

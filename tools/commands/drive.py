@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from ...protocols.messages.telemetry import Event
 from ..client.operator import Operator, OperatorError
 from ..client.protocol_client import ignore
 from ..host.address import cell_from
@@ -52,7 +51,10 @@ def drive(
     """
     with Console() as console:
         teleop, decoder = KeyboardTeleop(operator, console.say), Decoder()
-        operator.on_event = lambda event: _tell(console, event)
+        # Who asked has the reply.
+        operator.on_event = lambda event: (
+            None if event.name == "request_refused" else console.say(event_line(event))
+        )
         teleop.help()
         operator.spin(FIRST_STATE_S, lambda: operator.state is not None)
         for line in page:
@@ -72,8 +74,3 @@ def drive(
             if now_s >= redraw_s:
                 redraw_s = now_s + REDRAW_S
                 console.show(*teleop.lines(now_s))
-
-
-def _tell(console: Console, event: Event) -> None:
-    if event.name != "request_refused":  # the one who asked has the reply
-        console.say(event_line(event))

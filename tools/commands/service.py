@@ -31,26 +31,23 @@ def run(args: argparse.Namespace) -> int:
 def unit(cell: Cell, asked: str, user: str, cpus: str) -> str:
     """Return the unit of a cell, which was `asked` for by name or path; "" are all processors."""
     place = asked if asked in shipped("cells") else str(cell.path.resolve())
-    command = [*_program(), "serve", place]
+    script = Path(sys.executable).with_name("telerobot")  # beside this interpreter, or by it
+    program = [str(script)] if script.is_file() else [sys.executable, "-m", "telerobot"]
+    command = [*program, "serve", place]
+    no_devices = all(bus.interface in ("socketcan", "loopback") for bus in cell.config.fieldbuses)
     at_home = any(word.startswith(_HOMES) for word in command)
     template = Template(Path(__file__).with_name("unit.service").read_text(encoding="utf-8"))
     return template.substitute(
         name=cell.config.name,
         user=user,
-        description=_escaped(cell.config.description) or "control server",
+        description=printable(cell.config.description).replace("%", "%%") or "control server",
         buses="".join(f"\n{line}" for line in _buses(cell)),
         command=" ".join(_quoted(word) for word in command),
         priority=PRIORITY,
         cpus=f"\nCPUAffinity={cpus}" if cpus else "",
         homes="read-only" if at_home else "yes",
-        devices=f"\nDevicePolicy=closed\nDeviceAllow={LATENCY} rw" if _no_devices(cell) else "",
+        devices=f"\nDevicePolicy=closed\nDeviceAllow={LATENCY} rw" if no_devices else "",
     )
-
-
-def _program() -> list[str]:
-    """Return what starts the command: the script beside this interpreter, or the interpreter."""
-    script = Path(sys.executable).with_name("telerobot")
-    return [str(script)] if script.is_file() else [sys.executable, "-m", "telerobot"]
 
 
 def _buses(cell: Cell) -> Iterator[str]:
@@ -62,20 +59,11 @@ def _buses(cell: Cell) -> Iterator[str]:
             yield f"After={device}"
 
 
-def _no_devices(cell: Cell) -> bool:
-    """Return whether the buses need no device file."""
-    return all(bus.interface in ("socketcan", "loopback") for bus in cell.config.fieldbuses)
-
-
 def _isolated() -> str:
     try:
         return ISOLATED.read_text(encoding="ascii").strip()
     except OSError:
         return ""
-
-
-def _escaped(text: str) -> str:
-    return printable(text).replace("%", "%%")
 
 
 def _quoted(word: str) -> str:

@@ -124,7 +124,9 @@ class _Lane:
 
     def __init__(self) -> None:
         # Spawned, not forked: a run must depend on its job alone.
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), initializer=_unperturbed)
+        # Ctrl-C is for the process that hands out the jobs.
+        ignored = signal.SIGINT, signal.SIG_IGN
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, ignored)
         self.pid = self._pool.submit(os.getpid).result()
 
     def submit(self, work: Callable[[J], R], job: J) -> "Future[R]":
@@ -153,7 +155,10 @@ def _on_processes(
                 try:
                     result = future.result()
                 except BrokenProcessPool:
-                    _died(f"worker {lane.pid}", i, names, deaths)
+                    deaths[i] += 1
+                    if deaths[i] == DEATHS:
+                        raise WorkersDiedError(f"{names[i]}: {DEATHS} workers died of it") from None
+                    _say(f"worker {lane.pid} died: run again: {names[i]}")
                     waiting.appendleft(i)
                     lanes.remove(lane)
                     lane = _Lane()
@@ -208,18 +213,6 @@ def _on_cluster(
             client.cancel(list(futures), force=True)
 
 
-def _died(worker: str, i: int, names: list[str], deaths: Counter[int]) -> None:
-    deaths[i] += 1
-    if deaths[i] == DEATHS:
-        raise WorkersDiedError(f"{names[i]}: {DEATHS} workers died of it")
-    _say(f"{worker} died: run again: {names[i]}")
-
-
-def _unperturbed() -> None:
-    """Leave Ctrl-C to the process that hands out the jobs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 class _Rows:
     """A file that takes a line for each result, at once."""
 
@@ -242,7 +235,8 @@ class _Rows:
 
     def add(self, name: str, result: object) -> None:
         if self._file is not None:
-            self._file.write(json.dumps({"job": name, "result": result}, default=_plain) + "\n")
+            row = {"job": name, "result": result}  # JSON knows no NumPy scalars
+            self._file.write(json.dumps(row, default=lambda number: number.item()) + "\n")
             self._file.flush()
 
 
@@ -256,11 +250,6 @@ def _kept(path: Path) -> Generator[tuple[str, Any], None, None]:
             yield row["job"], row["result"]
         except (ValueError, KeyError, TypeError):
             raise ConfigError(f"{path}: line {number}: no result of a job") from None
-
-
-def _plain(number: Any) -> object:
-    """Return the plain number of a NumPy scalar, which JSON does not know."""
-    return number.item()
 
 
 def seeds(text: str) -> range:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import Self
+from typing import Any, Self
 
 from ...config.errors import printable
 from ...config.load import Cell
@@ -169,15 +169,19 @@ class LocalPlant:
         path = Path(self._folder.name) / f"{len(self._errors)}-{command}"
         self._errors.append((command, path))
         with path.open("wb") as errors:
-            return subprocess.Popen(
-                [sys.executable, "-m", CLI, command, *arguments, *extra],
-                env={**os.environ, **(environment or {})},
-                stdin=subprocess.DEVNULL,
-                stdout=errors,
-                stderr=errors,
-                start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
-                preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
-            )
+            variables = {**os.environ, **(environment or {})}
+            return _child(command, *arguments, *extra, env=variables, stdout=errors, stderr=errors)
+
+
+def _child(*arguments: str, **how: Any) -> "subprocess.Popen[bytes]":
+    """Start a command as a process of its own, which ends with this one."""
+    return subprocess.Popen(
+        [sys.executable, "-m", CLI, *arguments],
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
+        preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
+        **how,
+    )
 
 
 def private(cell: Cell, endpoint: str | None = None) -> Cell:
@@ -233,12 +237,7 @@ def recording(cell: Cell, folder: Path | None) -> Iterator[None]:
     if folder is None:
         yield
         return
-    child = subprocess.Popen(
-        [sys.executable, "-m", CLI, "record", *options(cell), f"--out={folder}"],
-        stdin=subprocess.DEVNULL,
-        start_new_session=True,  # a ^C at the terminal is ours to pass on, in order
-        preexec_fn=end_with_parent,  # noqa: PLW1509  one system call, takes no lock
-    )
+    child = _child("record", *options(cell), f"--out={folder}")
     try:
         yield
     finally:
