@@ -94,6 +94,8 @@ class Plant(LocalPlant):
         """The longest time between two turns, in which no operator was alive [s]."""
         self.truths = []
         """Every truth that was read."""
+        self._ahead = -math.inf
+        """The rig's count of SYNCs less the tick that one begins, or more: truths are read last."""
 
     def __enter__(self):
         super().__enter__()
@@ -168,6 +170,8 @@ class Plant(LocalPlant):
         for operator in self.operators:
             operator.turn()
         self._read_truth()
+        ticks = [operator.state.tick for operator in self.operators if operator.state]
+        self._ahead = max([self._ahead, *(self.truth.sync_count - tick for tick in ticks)])
         time.sleep(0.002)
 
     def until(self, done, within_s, why="it did not come about"):
@@ -189,6 +193,11 @@ class Plant(LocalPlant):
         """Let so much physics time pass [s]."""
         end_s = self.truth.time_s + physics_s
         self.until(lambda: self.truth.time_s >= end_s, physics_s + 60.0)
+
+    def newer_truth(self, operator):
+        """Wait for a truth of a SYNC after the one that an operator's newest state is of."""
+        told = operator.state.tick
+        self.until(lambda: self.truth.sync_count > told + self._ahead, 2.0, "no truth is newer")
 
     def wait_wall(self, done, why):
         """Wait for processes to come up, which physics time does not measure."""

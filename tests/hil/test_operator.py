@@ -28,10 +28,11 @@ def test_enabled_at_once_after_it_was_disabled_every_drive_is_on(plant):
     ann = plant.enabled_operator("ann")
     for _ in range(4):
         ann.disable()
-        plant.turn()
+        ann.wait_mode("ready")
+        plant.newer_truth(ann)  # the one that is there by now may be older than the telemetry
         assert set(plant.truth.drives) <= {"switch_on_disabled", "ready_to_switch_on"}
         ann.enable()
-        plant.run_for(0.1)  # the truth that is there by now may be older than the telemetry
+        plant.newer_truth(ann)
         assert set(plant.truth.drives) == {"operation_enabled"}
     ann.joystick(STICK, seconds=0.5, expressed_in="base")
     assert ann.state.mode == "enabled"
