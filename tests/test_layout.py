@@ -7,6 +7,8 @@ from collections import defaultdict
 from importlib import resources
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("config", "drivers", "protocols", "server", "tools")
 
@@ -36,12 +38,12 @@ def test_rewritten_tests_are_kept_whatever_the_environment_says_of_bytecode():
     assert not sys.dont_write_bytecode
 
 
-def test_matrices_are_computed_on_one_thread_whatever_the_environment_says():
-    """Else a test of some seconds is charged for threads that wait for a processor."""
-    code = (
-        "import os, runpy; runpy.run_path('tests/conftest.py'); import numpy;"
-        "print(len(os.listdir('/proc/self/task')))"
-    )
+@pytest.mark.parametrize(
+    "first", ["import runpy; runpy.run_path('tests/conftest.py')", "import laboratory.campaign"]
+)
+def test_matrices_are_computed_on_one_thread_whatever_the_environment_says(first):
+    """Else a test, or a run, is charged for threads that wait for a processor."""
+    code = f"{first}; import os, numpy; print(len(os.listdir('/proc/self/task')))"
     bare = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
     ran = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=bare, capture_output=True, check=True
