@@ -1,10 +1,11 @@
 """Messages of the lease holder, field by field, with frame, shape and unit."""
 
 import math
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 # --- Messages of the lease holder, field by field, with frame, shape and unit ---------------------
 #
@@ -224,8 +225,23 @@ MOST_PIECES = 64
 """Most pieces of a tunnel [1]."""
 
 _Turn = Annotated[float, Field(ge=-math.pi, le=math.pi)]
-TunnelPiece = tuple[Annotated[float, Field(gt=1e-3, le=20)], _Turn, _Turn, _Turn]
-"""Length [m], bend, climb and roll [rad], as in a cell's `backbone.tunnel`."""
+_PieceLength = Annotated[float, Field(gt=1e-3, le=20)]
+_Passage = tuple[_PieceLength, _Turn, _Turn, _Turn]
+_Gap = tuple[_PieceLength, Metres, Metres, Metres, Angle, Angle, Angle]
+
+
+def _kind(piece: object) -> str:
+    return (
+        "gap" if isinstance(piece, Sequence) and len(piece) > len(get_args(_Passage)) else "piece"
+    )
+
+
+TunnelPiece = Annotated[
+    Annotated[_Passage, Tag("piece")] | Annotated[_Gap, Tag("gap")], Discriminator(_kind)
+]
+"""Length [m], bend, climb and roll [rad], as in a cell's `backbone.tunnel`; seven numbers are a gap
+there: its length [m], and the place x, y, z [m], and roll, pitch, yaw [rad], of the next passage's
+entrance in World."""
 
 
 class TunnelRequest(MechanismCommand):
@@ -233,7 +249,8 @@ class TunnelRequest(MechanismCommand):
 
     The last `open` pieces have no walls. Where the tip is inside, or would come to rest there, the
     tunnel must stay as it is up to there. With drives on, joints are fitted a part in each period,
-    half a second for thirty of them; it is answered then.
+    half a second for thirty of them, and gaps are solved before, a second or two each; it is
+    answered then.
     """
 
     pieces: tuple[TunnelPiece, ...] = Field(max_length=MOST_PIECES)

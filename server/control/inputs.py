@@ -234,8 +234,9 @@ class Pushed(NamedTuple):
 class ToldTunnel(NamedTuple):
     """The tunnel that an operator told, from the entrance on."""
 
-    pieces: tuple[tuple[float, float, float, float], ...]
-    """Length [m], bend, climb and roll [rad] of each."""
+    pieces: tuple[tuple[float, ...], ...]
+    """Length [m], bend, climb and roll [rad] of each. Of a gap seven numbers: length [m], and place
+    [m], roll, pitch and yaw [rad] of the next passage's entrance in World."""
     open: int = 0
     """So many of them, the last ones, have no walls."""
 

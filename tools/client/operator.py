@@ -457,9 +457,10 @@ class Motions(ABC):
     ) -> None:
         """Tell an arm its tunnel anew: [length, bend, climb, roll] of each piece.
 
-        In [m, rad], from the entrance on; the last `open_pieces` have no walls. Without pieces the
-        cell's holds again. Returns once it holds; up to where the tip is, or would come to rest, it
-        must stay as it is.
+        In [m, rad], from the entrance on; [length, x, y, z, roll, pitch, yaw] is a gap before the
+        next passage, whose entrance is there in World. The last `open_pieces` have no walls.
+        Without pieces the cell's holds again. Returns once it holds; up to where the tip is, or
+        would come to rest, it must stay as it is.
         """
         told = tuple(tuple(piece) for piece in pieces)
         self.request(t.TUNNEL, pieces=told, open=open_pieces, **more)

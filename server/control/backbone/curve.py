@@ -14,7 +14,7 @@ from ..compiled import MATRIX, NUMBER, STACK, TABLE, VECTOR, compiled, inner_ker
 from ..inputs import ToldTunnel
 from ..spatial import Array, Pose
 from .fit import Chain
-from .tunnels import Arcs, Turn, passages_meet, solve_gap
+from .tunnels import Arcs, Parts, Turn, passages_meet, solve_gap
 
 # --- The free part of a backbone, from the arm's base to a tunnel's entrance, in closed form ------
 #
@@ -337,8 +337,11 @@ STRAIGHT = 1e-3
 """The entrance lies so well straight ahead of the first joint, in lengths of the way there [1]."""
 
 
-def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
-    """Lay the curve of a cell's arm. Raises `ConfigError` for what the arm cannot follow."""
+def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Curve]:
+    """Lay the curve of a cell's arm, its gaps in parts.
+
+    Raises `ConfigError` for what the arm cannot follow.
+    """
     where = f"{cell.path}: mechanism.backbone"
     T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
     ahead = T.p - chain.base
@@ -367,7 +370,7 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Curve:
         raise ConfigError(
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
-    arcs = _arcs(T, section, chain, _range(cell), where)
+    arcs = yield from _arcs(T, section, chain, _range(cell), where)
     _judge_passages(arcs, section, chain.length, where)
     bow = _bow_angle(section)
     aside = T.R @ np.array([0.0, np.cos(bow), np.sin(bow)])
@@ -383,10 +386,12 @@ def told_section(section: BackboneSection, tunnel: ToldTunnel) -> BackboneSectio
     Raises `ValueError` for pieces that no cell file may have.
     """
     names, walled = ("length", "bend", "climb", "roll"), len(tunnel.pieces) - tunnel.open
-    pieces = [
-        {**dict(zip(names, piece, strict=True)), "open": i >= walled}
-        for i, piece in enumerate(tunnel.pieces)
-    ]
+    pieces: list[dict[str, object]] = []
+    for i, piece in enumerate(tunnel.pieces):
+        told: dict[str, object] = dict(zip(names, piece, strict=False))
+        if len(piece) > len(names):
+            told = {"length": piece[0], "to": {"xyz": piece[1:4], "rpy": piece[4:]}}
+        pieces.append({**told, "open": i >= walled})
     bow = math.remainder(_bow_angle(section), 2.0 * math.pi)
     try:
         return section.model_copy(update={"tunnel": pieces, "bow": bow})
@@ -428,7 +433,7 @@ def _range(cell: Cell) -> float:
     return min(*(abs(x) for x in low), *(abs(x) for x in high))
 
 
-def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: str) -> Arcs:
+def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: str) -> Parts[Arcs]:
     """Return the pieces of a tunnel one after the other, with the curves across its gaps.
 
     Raises `ConfigError` for a gap that no curve crosses whose joints turn less than `most` [rad].
@@ -442,7 +447,7 @@ def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: s
             to = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
             try:
                 planar, sharpest = section.axes == "planar", most / per_joint
-                turns = solve_gap(T, to, piece.length, planar, sharpest)
+                turns = yield from solve_gap(T, to, piece.length, planar, sharpest)
             except ValueError as error:
                 raise ConfigError(f"{where}.tunnel[{i}].to: {error}") from None
         pieces.append(Arcs.from_entrance(T, turns))

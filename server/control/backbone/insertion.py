@@ -22,9 +22,9 @@ from ..scene import Flags
 from ..spatial import Array
 from ..stop.limiter import StopConstraint
 from ..stop.profile import Stop
-from .curve import curve_of, told_section
+from .curve import Curve, curve_of, told_section
 from .fit import Chain, farthest_apart
-from .tunnels import links_off_centre
+from .tunnels import Parts, completed, links_off_centre
 
 # --- A hyper-redundant arm in its tunnels: how far it is in, and the joint rates that take it on
 #
@@ -94,9 +94,8 @@ def _watch(
 class Backbone:
     """The curve of one arm, and how its joints follow."""
 
-    def __init__(self, cell: Cell, section: BackboneSection, chain: Chain) -> None:
-        """Lay the curve of a cell's mechanism; `fitting` is to follow. Raises `ConfigError`."""
-        curve = curve_of(cell, section, chain)
+    def __init__(self, cell: Cell, section: BackboneSection, chain: Chain, curve: Curve) -> None:
+        """Build that of a cell's mechanism; `fitting` is to follow."""
         self.chain, self.curve, self.section = chain, curve, section
         self._period_s = cell.config.timing.period_s
         self._where = f"{cell.path}: mechanism.backbone"
@@ -126,10 +125,16 @@ class Backbone:
     @classmethod
     def of(cls, cell: Cell, section: BackboneSection) -> Self:
         """Build that of a cell's mechanism in some tunnel. Raises `ConfigError`."""
-        backbone = cls(cell, section, Chain.from_cell(cell))
+        backbone = completed(cls.laying(cell, section, Chain.from_cell(cell)))
         for _ in backbone.fitting():
             pass
         return backbone
+
+    @classmethod
+    def laying(cls, cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Self]:
+        """Lay its curve in some tunnel; `fitting` is to follow. Raises `ConfigError`."""
+        curve = yield from curve_of(cell, section, chain)
+        return cls(cell, section, chain, curve)
 
     def fitting(self, q: Array | None = None) -> Iterator[None]:
         """Fit the joints at one free length after the other, from the greatest on.
@@ -390,6 +395,8 @@ LOOK_S = 0.025
 """Stops are looked at so often along the way [s]."""
 ALONG, SAME = 400, 1e-4
 """A tunnel stays where it is if so many points of it move by no more [1, m]."""
+MOST_PARTS = 350
+"""Parts of a search for the curves across gaps that an operator tells [1]: 3.5 s of periods."""
 PORTION = 120
 """Joints that are fitted to a told tunnel in one step, of all free lengths together [1]."""
 WORSE = 1e-4
@@ -488,12 +495,12 @@ class BackboneArm(SerialArm):
         return self._told[tunnel]
 
     def _laying(self, tunnel: ToldTunnel) -> Iterator[None]:
-        """Lay and fit a tunnel that was told, some free lengths in each step."""
+        """Lay and fit a tunnel that was told: a step of a gap, or some free lengths, at a time."""
         if tunnel in self._told:
             return
         section = told_section(self._own.section, tunnel)
         try:
-            laid = Backbone(self._cell, section, self._own.chain)
+            laid = yield from _within(Backbone.laying(self._cell, section, self._own.chain))
             every = max(1, PORTION // laid.chain.n)
             # With the tip in the entrance, the arm is where it is in any tunnel.
             for i, _ in enumerate(laid.fitting(self._own.fits[-1])):
@@ -620,6 +627,20 @@ class BackboneArm(SerialArm):
         lag = farthest_apart(points[0], points[1], len(q) + 1)
         bound = max(backbone.room - lag, backbone.off_centre(points[:1], s1) + WORSE)
         return max(0.0, backbone.off_centre(points[2:], s1) - bound)
+
+
+def _within(work: Parts[Backbone]) -> Parts[Backbone]:
+    """Do work in no more than so many parts. Raises `ValueError`."""
+    for _ in range(MOST_PARTS):
+        try:
+            yield next(work)
+        except StopIteration as end:
+            laid: Backbone = end.value
+            return laid
+    raise ValueError(
+        f"the curves across its gaps are not found in {MOST_PARTS} steps: tell a longer gap, or "
+        "one that turns less"
+    )
 
 
 def _looks(to_go_s: float) -> Array:

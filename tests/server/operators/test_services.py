@@ -216,6 +216,13 @@ def test_a_tunnel_is_answered_once_joints_are_fitted_to_it_a_part_in_each_period
     assert go_on(ann).ok
 
 
+def test_with_drives_off_many_parts_are_fitted_in_a_period_but_never_a_heartbeats_worth(ann):
+    tell(ann, 150, mode=Mode.READY, drives_off=True)
+    assert [go_on(ann).epoch for _ in range(2)] == [1, 1]
+    assert go_on(ann).ok
+    assert go_on(ann).epoch is None
+
+
 def test_with_drives_off_joints_are_fitted_to_a_tunnel_at_once(ann):
     tell(ann, 50, mode=Mode.READY, drives_off=True)
     assert go_on(ann).epoch is None

@@ -1,4 +1,4 @@
-"""A snake is told its tunnel, at rest or ahead of its tip: it goes in, and touches nothing."""
+"""A snake is told its tunnel or a gap, at rest or on its way: it goes in, and touches nothing."""
 
 import pytest
 from telerobot.config.load import altered, load_cell
@@ -92,6 +92,47 @@ def test_not_told_on_the_way_in_it_meets_the_wall(play, straight_first):
     assert run.summary["wall_force_n"] > 1.0
 
 
+# --- a gap ----------------------------------------------------------------------------------------
+
+FIRST, SECOND = [0.25, 1.5707963267948966, 0.0, 0.0], [0.6, 0.0, 0.0, 0.0]
+NEXT = [-0.37, 0.81, 0.0, 0.0, 0.0, 2.6]
+GAP = [FIRST, [0.24, *NEXT], SECOND]
+
+
+def test_told_a_gap_and_what_comes_after_it_it_goes_through_both_and_back():
+    run = simulate("snake_gap_told")
+    assert run.ok
+    assert run.summary["deepest_m"] > 0.82
+    assert run.summary["wall_force_n"] == 0.0
+    assert run.summary["min_clearance_m"] >= 0.011
+
+
+def test_a_gap_is_solved_a_step_in_each_period_and_the_recording_of_it_replays(tmp_path):
+    file = tmp_path / "run.mcap"
+    go = {"at_s": 2.4, "cmd/drive": {"rates": [0.08]}}
+    script = Script.model_validate({"duration_s": 2.8, "step": [told(GAP, 0.2), go]})
+    run = Simulation(load_cell("snake_gap_told"), script, file).run()
+    assert not run.summary["refused"]
+    holds = next(s.time_s for s in run.states if s.tunnel) - run.states[0].time_s - 0.2
+    # 145 steps of the gap's curve, then 37 of fits.
+    assert 1.5 < holds < 2.1
+    assert run.states[-1].tunnel == tuple(map(tuple, GAP))
+    assert run.states[-1].insertion["depth"] > 0.16
+    replay = Replay(file, read_cell(file))
+    known = {tick.inputs[0].settings.tunnel for tick in replay.run()}
+    assert len(known) == 2
+    assert replay.judgement.difference is None
+
+
+def test_a_gap_where_the_arm_is_in_is_refused(play):
+    # The tip stands 0.15 m inside.
+    early = [[0.10, 0.6283, 0.0, 0.0], [0.40, *NEXT], SECOND]
+    run = play(OFF, told(early), seconds=3.0, cell=load_cell("snake_gap_told"))
+    (reply,) = run.summary["refused"]
+    assert "the tip is 0.1500 m inside, where the tunnel would move by" in reply
+    assert run.states[-1].tunnel is None
+
+
 def bends_from(depth):
     return [[depth, 0.0, 0.0, 0.0], [0.30, 2.4, 0.0, 0.0], [0.30, 0.0, 0.0, 0.0]]
 
@@ -148,6 +189,22 @@ def test_a_part_that_the_arm_is_in_stays_as_it_is(play):
         ),
         ("snake", [[0.5, 0.0, 0.5, 0.0]], "pieces[0].climb: a planar arm cannot follow it"),
         ("pa10", [[0.5, 0.0, 0.0, 0.0]], "the mechanism has no backbone"),
+        (
+            "snake_gap_told",
+            [FIRST, [0.10, *NEXT], SECOND],
+            "pieces[1].to: a length of 0.1 m is no more than its chord, 0.2169 m",
+        ),
+        (
+            "snake_gap_told",
+            [FIRST, [0.24, -0.37, 0.81, 0.05, 0.0, 0.0, 2.6], SECOND],
+            "pieces[1].to: a planar arm cannot leave its plane",
+        ),
+        (
+            "snake_gap_told",
+            [FIRST, [0.22, -0.37, 0.81, 0.0, 0.0, 0.0, -1.5], SECOND],
+            "the curves across its gaps are not found in 350 steps",
+        ),
+        ("snake_gap_told", [FIRST, [0.24, *NEXT]], "a gap lies between two pieces with walls"),
     ],
 )
 def test_what_the_arm_cannot_pass_is_refused_with_place_and_bound(play, cell, pieces, words):

@@ -280,9 +280,27 @@ def test_the_page_draws_a_told_tunnel_where_it_is(in_node):
         return centreLine(given.entrance, given.pieces, 1, 0.01);
     """
     entrance = [*T.p.tolist(), *T.R[:, 1].tolist(), *T.R[:, 2].tolist()]
-    frames = np.array(in_node(program, {"entrance": entrance, "pieces": pieces}))
+    (row,) = in_node(program, {"entrance": entrance, "pieces": pieces})
+    frames = np.array(row)
     arcs = Arcs.from_entrance(T, [Turn(*piece) for piece in pieces[:2]])
     assert len(frames) == 51
     assert frames[:, :3] == pytest.approx(arcs.at(np.linspace(0.0, 0.5, 51))[0], abs=1e-12)
     tangents = np.cross(frames[:, 3:6], frames[:, 6:9])
     assert tangents == pytest.approx(arcs.at(np.linspace(0.0, 0.5, 51))[1], abs=1e-12)
+
+
+def test_the_page_draws_no_walls_across_a_gap_and_the_next_passage_where_it_begins(in_node):
+    to = ((-0.2, 0.9, 0.1), (0.3, -0.4, 2.0))
+    pieces = [[0.10, 0.4, 0.0, 0.0], [0.5, *to[0], *to[1]], [0.20, 0.0, 0.9, -0.7]]
+    program = """
+        const { centreLine } = await load("scene/geometry/tunnel.js");
+        return centreLine(given.entrance, given.pieces, 0, 0.01);
+    """
+    entrance = [0.0, 0.6, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    first, second = in_node(program, {"entrance": entrance, "pieces": pieces})
+    assert len(first) == 11
+    arcs = Arcs.from_entrance(Pose.from_xyz_rpy(*to), [Turn(*pieces[2])])
+    points, tangents = arcs.at(np.linspace(0.0, 0.2, 21))
+    frames = np.array(second)
+    assert frames[:, :3] == pytest.approx(points, abs=1e-12)
+    assert np.cross(frames[:, 3:6], frames[:, 6:9]) == pytest.approx(tangents, abs=1e-12)

@@ -22,7 +22,7 @@ export function createTunnels(description, materials) {
         if (told === each.told) continue;
         each.told = told;
         const { pieces, step } = each.tunnel;
-        const rows = next ? [centreLine(pieces[0][0], next.pieces, next.open, step)] : pieces;
+        const rows = next ? centreLine(pieces[0][0], next.pieces, next.open, step) : pieces;
         draw(each.group, each.tunnel, rows, materials);
       }
     },
