@@ -26,6 +26,7 @@ from .compiled import (
 )
 from .scene import Flags, Index
 from .spatial import Array, Kinematics, Pose
+from .vectors import Vector, cross, dot, row_of, rows_of, turned, turned_back
 from .wheels import DifferentialDrive, Rolled
 
 # --- The joints of a cell as a forest: a tree for each root ---------------------------------------
@@ -33,8 +34,6 @@ from .wheels import DifferentialDrive, Rolled
 TREE: Final = record(INDEX, FLAGS, ARRAY4, MATRIX)
 """A `Tree`, as kernels take it."""
 TreeArrays = tuple[Index, Flags, Array, Array]
-
-XYZ = tuple[float, float, float]
 
 ROOTS: Final = record(ARRAY4, ARRAY3)
 """Attitudes (s, r, 3, 3) and places (s, r, 3) [m] of roots in World; s = 1 where none moves."""
@@ -345,41 +344,10 @@ def needed(
 
 
 @inner_kernel
-def _cross(a: XYZ, b: XYZ) -> XYZ:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@inner_kernel
-def _dot(a: XYZ, b: XYZ) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner_kernel
-def _row(A: Array, i: int) -> XYZ:
-    return A[i, 0], A[i, 1], A[i, 2]
-
-
-@inner_kernel
-def _plus(A: Array, i: int, x: XYZ, share: float) -> None:
+def _plus(A: Array, i: int, x: Vector, share: float) -> None:
     A[i, 0] += share * x[0]
     A[i, 1] += share * x[1]
     A[i, 2] += share * x[2]
-
-
-@inner_kernel
-def _times(A: Array, x: XYZ) -> XYZ:
-    """Return A x of a matrix, or of a frame (3, 4): a vector of its own in its root's axes."""
-    return _dot(_row(A, 0), x), _dot(_row(A, 1), x), _dot(_row(A, 2), x)
-
-
-@inner_kernel
-def _into(frame: Array, x: XYZ) -> XYZ:
-    """Return a vector of the root in a frame's axes (3, 4)."""
-    return (
-        frame[0, 0] * x[0] + frame[1, 0] * x[1] + frame[2, 0] * x[2],
-        frame[0, 1] * x[0] + frame[1, 1] * x[1] + frame[2, 1] * x[2],
-        frame[0, 2] * x[0] + frame[1, 2] * x[1] + frame[2, 2] * x[2],
-    )
 
 
 @inner_kernel
@@ -388,21 +356,21 @@ def _weigh(
 ) -> None:
     """Write force and moment (1 + n, 3) that a body needs, about its frame's origin."""
     mass, com, inertia, _, _ = masses
-    w, alpha, a = _row(moves[0], body), _row(moves[1], body), _row(moves[2], body)
-    c = _times(frame, _row(com, body))
-    own_w, own_alpha, f = _into(frame, w), _into(frame, alpha), needs[0]
-    turning = _times(frame, _times(inertia[body], own_alpha))
-    spin = _times(frame, _cross(own_w, _times(inertia[body], own_w)))
+    w, alpha, a = row_of(moves[0], body), row_of(moves[1], body), row_of(moves[2], body)
+    R, own, f = rows_of(frame), rows_of(inertia[body]), needs[0]
+    c, own_w = turned(R, row_of(com, body)), turned_back(R, w)
+    turning = turned(R, turned(own, turned_back(R, alpha)))
+    spin = turned(R, cross(own_w, turned(own, own_w)))
     f[body] = 0.0
-    for part in (a, _cross(alpha, c), _cross(w, _cross(w, c))):
+    for part in (a, cross(alpha, c), cross(w, cross(w, c))):
         _plus(f, body, part, mass[body])
     needs[1][body] = 0.0
-    for part in (turning, spin, _cross(c, _row(f, body))):
+    for part in (turning, spin, cross(c, row_of(f, body))):
         _plus(needs[1], body, part, 1.0)
 
 
 @inner_kernel
-def _between(frames: Array, a: int, b: int) -> XYZ:
+def _between(frames: Array, a: int, b: int) -> Vector:
     """Return the way from frame a's origin to frame b's."""
     return (
         frames[b, 0, 3] - frames[a, 0, 3],
@@ -429,13 +397,13 @@ def _set_out(
     for i in range(3):
         a[0, i] = -falls[i]
     for j in range(rolling):
-        z = _row(axes, j)
-        by = _cross(z, _between(frames, 1 + j, 0))
+        z = row_of(axes, j)
+        by = cross(z, _between(frames, 1 + j, 0))
         _plus(w, 0, z, dq[j])
         _plus(v, 0, by, dq[j])
         _plus(alpha, 0, z, more * ddq[j])
         _plus(a, 0, by, more * ddq[j])
-    _plus(a, 0, _cross(_row(w, 0), _row(v, 0)), 1.0)
+    _plus(a, 0, cross(row_of(w, 0), row_of(v, 0)), 1.0)
 
 
 @compiled(TREE, TIP, MASSES, *4 * (VECTOR,), TABLE, TABLE)
@@ -465,12 +433,12 @@ def _needed(
         _weigh(frames[0], masses, 0, turning, needs)
         for j in range(n):
             own, b = 1 + j, 1 + parents[j]
-            z, lever = _row(axes, j), _between(frames, b, own)
-            w_b, alpha_b = _row(w, b), _row(alpha, b)
+            z, lever = row_of(axes, j), _between(frames, b, own)
+            w_b, alpha_b = row_of(w, b), row_of(alpha, b)
             w[own], alpha[own], a[own] = w[b], alpha[b], a[b]
-            _plus(a, own, _cross(alpha_b, lever), 1.0)
-            _plus(a, own, _cross(w_b, _cross(w_b, lever)), 1.0)
-            across = _cross(w_b, z)
+            _plus(a, own, cross(alpha_b, lever), 1.0)
+            _plus(a, own, cross(w_b, cross(w_b, lever)), 1.0)
+            across = cross(w_b, z)
             if prismatic[j]:
                 _plus(a, own, z, more * ddq[j])
                 _plus(a, own, across, 2.0 * dq[j])
@@ -481,15 +449,15 @@ def _needed(
             _weigh(frames[own], masses, own, turning, needs)
         for j in range(n - 1, -1, -1):
             own, b = 1 + j, 1 + parents[j]
-            f, m = _row(needs[0], own), _row(needs[1], own)
-            tau[row, j] = _dot(_row(axes, j), f if prismatic[j] else m) + rotor[j] * more * ddq[j]
+            f, m = row_of(needs[0], own), row_of(needs[1], own)
+            tau[row, j] = dot(row_of(axes, j), f if prismatic[j] else m) + rotor[j] * more * ddq[j]
             _plus(needs[0], b, f, 1.0)
             _plus(needs[1], b, m, 1.0)
-            _plus(needs[1], b, _cross(_between(frames, b, own), f), 1.0)
-        f, m = _row(needs[0], 0), _row(needs[1], 0)
+            _plus(needs[1], b, cross(_between(frames, b, own), f), 1.0)
+        f, m = row_of(needs[0], 0), row_of(needs[1], 0)
         for j in range(rolling):
-            about = _cross(_between(frames, 1 + j, 0), f)
-            tau[row, j] += _dot(_row(axes, j), m) + _dot(_row(axes, j), about)
+            about = cross(_between(frames, 1 + j, 0), f)
+            tau[row, j] += dot(row_of(axes, j), m) + dot(row_of(axes, j), about)
     R, p = np.empty((3, 3)), np.empty(3)
     _placed(frames[body], R_tip, p_tip, R, p)
     _jacobian(frames, axes, prismatic, moves, p, J)

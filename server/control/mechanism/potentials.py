@@ -25,6 +25,19 @@ from ..compiled import (
 )
 from ..scene import Flags, Scene
 from ..spatial import Array, rotation_exp
+from ..vectors import (
+    Vector,
+    cross,
+    dot,
+    further,
+    minus,
+    norm,
+    row_of,
+    rows_of,
+    times,
+    turned,
+    turned_back,
+)
 from .svd import svd
 
 # --- Manipulability and its slope (Scott & Carignan 2008, eqs. 20–21) -----------------------------
@@ -217,7 +230,6 @@ def curvature(
 # dq_j, S_i].
 
 Index = NDArray[np.int64]
-Xyz = tuple[float, float, float]
 
 
 class Shape(NamedTuple):
@@ -253,11 +265,6 @@ def ahead(at: Shape, body: Index, way: Array, step: float) -> Shape:
     return there
 
 
-@inner_kernel
-def _cross(a: Xyz, b: Xyz) -> Xyz:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
 def screws(J: Array, p: Array) -> Array:
     """Return twists (6, n) at World's origin of joints whose Jacobian at p (3,) is J (6, n)."""
     found = np.empty(J.shape)
@@ -270,7 +277,7 @@ def _twist(J: Array, p: Array, found: Array) -> None:
     for j in range(J.shape[1]):
         w = (J[3, j], J[4, j], J[5, j])
         # How the point of each body moves that is at World's origin.
-        lever = _cross((p[0], p[1], p[2]), w)
+        lever = cross((p[0], p[1], p[2]), w)
         for i in range(3):
             found[i, j] = J[i, j] + lever[i]
             found[3 + i, j] = w[i]
@@ -298,7 +305,7 @@ def _move(
         v, w = (S[0, j], S[1, j], S[2, j]), (S[3, j], S[4, j], S[5, j])
         V = (twist[j, 0], twist[j, 1], twist[j, 2])
         W = (twist[j, 3], twist[j, 4], twist[j, 5])
-        dv, vw, dw = _cross(W, v), _cross(V, w), _cross(W, w)
+        dv, vw, dw = cross(W, v), cross(V, w), cross(W, w)
         for i in range(3):
             turned[i, j] = v[i] + dv[i] + vw[i]
             turned[3 + i, j] = w[i] + dw[i]
@@ -309,11 +316,11 @@ def _move(
         W = (twist[b, 3], twist[b, 4], twist[b, 5])
         for e in range(2):
             x = (ends[link, e, 0], ends[link, e, 1], ends[link, e, 2])
-            dx = _cross(W, x)
+            dx = cross(W, x)
             for i in range(3):
                 shifted[link, e, i] = x[i] + twist[b, i] + dx[i]
     W = (twist[n, 3], twist[n, 4], twist[n, 5])
-    dx = _cross(W, (tool[0], tool[1], tool[2]))
+    dx = cross(W, (tool[0], tool[1], tool[2]))
     for i in range(3):
         moved[i] = tool[i] + twist[n, i] + dx[i]
 
@@ -345,7 +352,7 @@ def _move(
 # is square to all others. So the field stays smooth, and the torques the exact slope of the
 # potential.
 
-Effect = tuple[Xyz, Xyz, float]
+Effect = tuple[Vector, Vector, float]
 """Effect of one obstacle of strength 1 on a link along u: the force, the t of which u × t is the
 moment about the link's first end, and the potential."""
 
@@ -361,93 +368,68 @@ _PARALLEL: Final = 1e-12
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
-@inner_kernel
-def _row(of: Array, i: int) -> Xyz:
-    return of[i, 0], of[i, 1], of[i, 2]
-
-
-@inner_kernel
-def _plus(a: Xyz, s: float, b: Xyz) -> Xyz:
-    """Return a + s b."""
-    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
-
-
-@inner_kernel
-def _times(s: float, a: Xyz) -> Xyz:
-    return s * a[0], s * a[1], s * a[2]
-
-
-@inner_kernel
-def _turned(a: Xyz, b: Xyz, c: Xyz, x: Xyz) -> Xyz:
-    """Return x in the axes of a box, whose attitude has the rows a, b, c."""
-    return _plus(_plus(_times(x[0], a), x[1], b), x[2], c)
-
-
-@inner_kernel
-def _dot(a: Xyz, b: Xyz) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 @compiled(XYZ, XYZ)
-def direction(p1: Xyz, p2: Xyz) -> tuple[Xyz, float]:
+def direction(p1: Vector, p2: Vector) -> tuple[Vector, float]:
     """Return the unit vector from p1 to p2, and their distance [m]; zero where they coincide."""
-    along = _plus(p2, -1.0, p1)
-    length = math.sqrt(_dot(along, along))
-    return _times(1.0 / max(length, _NONE), along), length
+    along = minus(p2, p1)
+    length = norm(along)
+    return times(1.0 / max(length, _NONE), along), length
 
 
 @inner_kernel
-def by_charge(p: Xyz, u: Xyz, length: float, charge: Xyz, least: float) -> Effect:
+def by_charge(p: Vector, u: Vector, length: float, charge: Vector, least: float) -> Effect:
     """Return what a charge does to a link, that goes from p along u for its `length` [m].
 
     `least` bounds the distance from below [m]; with 0 there is no bound on the link itself.
     """
-    r1 = _plus(p, -1.0, charge)
+    r1 = minus(p, charge)
     # Along the link and square to it, each by itself: nothing cancels later.
-    t1 = _dot(r1, u)
+    t1 = dot(r1, u)
     t2 = t1 + length
-    across = _plus(r1, -t1, u)
-    c2 = _dot(across, across) + max(least * least, _NONE)
+    across = further(r1, -t1, u)
+    c2 = dot(across, across) + max(least * least, _NONE)
     n1, n2 = math.sqrt(t1 * t1 + c2), math.sqrt(t2 * t2 + c2)
-    dot, product, total = t1 * t2 + c2, n1 * n2, n1 + n2
+    inner, product, total = t1 * t2 + c2, n1 * n2, n1 + n2
     # Where the charge is abreast of the link the sum is a difference: the squares' is exact.
-    S = product + dot if dot >= 0.0 else length * length * c2 / max(product - dot, _NONE)
+    S = product + inner if inner >= 0.0 else length * length * c2 / max(product - inner, _NONE)
     S = max(S, _NONE)
     w = length / S
     lateral, axial = w * total / product, length * (t1 + t2) / (total * product)
-    force = _plus(_times(lateral, across), axial, u)
-    return force, _times(w * length / n2, across), math.log((total + length) ** 2 / (2.0 * S))
+    force = further(times(lateral, across), axial, u)
+    return force, times(w * length / n2, across), math.log((total + length) ** 2 / (2.0 * S))
 
 
 @inner_kernel
-def closest(p1: Xyz, p2: Xyz, start: Xyz, end: Xyz) -> Xyz:
+def closest(p1: Vector, p2: Vector, start: Vector, end: Vector) -> Vector:
     """Return the point of a segment start–end that is closest to a link p1–p2.
 
     Where they are parallel no point is closest: the paper takes the middle, with a jump.
     """
-    u, v, w = _plus(p2, -1.0, p1), _plus(end, -1.0, start), _plus(p1, -1.0, start)
-    uu, vv, uv, uw, vw = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, w), _dot(v, w)
+    u, v, w = minus(p2, p1), minus(end, start), minus(p1, start)
+    uu, vv, uv, uw, vw = dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w)
     square = uu * vv - uv * uv
     if square <= _PARALLEL * uu * vv:
-        return _plus(start, 0.5, v)
+        return further(start, 0.5, v)
     # On the link for the whole lines; then on the line for that point, and back, both bounded.
     s = min(1.0, max(0.0, (uv * vw - vv * uw) / square))
     t = min(1.0, max(0.0, (vw + s * uv) / vv))
     s = min(1.0, max(0.0, (t * uv - uw) / uu))
     t = min(1.0, max(0.0, (vw + s * uv) / vv))
-    return _plus(start, t, v)
+    return further(start, t, v)
 
 
 @inner_kernel
-def by_line(p: Xyz, u: Xyz, length: float, start: Xyz, end: Xyz, least: float) -> Effect:
+def by_line(
+    p: Vector, u: Vector, length: float, start: Vector, end: Vector, least: float
+) -> Effect:
     """Return what a line does that is charged all along, with 1 per metre."""
     along, size = direction(start, end)
     force, lever, potential = _ZERO, _ZERO, 0.0
     for part, share in _RULE:
         # What the point does to the line, turned round.
-        pull, _, v = by_charge(start, along, size, _plus(p, part * length, u), least)
-        force = _plus(force, -share * length, pull)
-        lever = _plus(lever, -share * length * part * length, pull)
+        pull, _, v = by_charge(start, along, size, further(p, part * length, u), least)
+        force = further(force, -share * length, pull)
+        lever = further(lever, -share * length * part * length, pull)
         potential += share * length * v
     return force, lever, potential
 
@@ -467,38 +449,40 @@ def repelled(distance: float, size: float, least: float) -> tuple[float, float]:
 
 @inner_kernel
 def by_round(
-    p: Xyz, u: Xyz, length: float, start: Xyz, end: Xyz, radius: float, least: float
+    p: Vector, u: Vector, length: float, start: Vector, end: Vector, radius: float, least: float
 ) -> Effect:
     """Return what a rounded segment does to a link."""
-    along = _plus(end, -1.0, start)
-    over = 1.0 / max(_dot(along, along), _THIN)
+    along = minus(end, start)
+    over = 1.0 / max(dot(along, along), _THIN)
     force, lever, potential = _ZERO, _ZERO, 0.0
     for part, share in _RULE:
-        away = _plus(_plus(p, -1.0, start), part * length, u)
-        away = _plus(away, -min(1.0, max(0.0, _dot(away, along) * over)), along)
-        size = math.sqrt(_dot(away, away))
+        away = further(minus(p, start), part * length, u)
+        away = further(away, -min(1.0, max(0.0, dot(away, along) * over)), along)
+        size = norm(away)
         push, v = repelled(size - radius, max(size, _THIN), least)
         charge = share * length
-        force = _plus(force, charge * push, away)
-        lever = _plus(lever, charge * push * part * length, away)
+        force = further(force, charge * push, away)
+        lever = further(lever, charge * push * part * length, away)
         potential += charge * v
     return force, lever, potential
 
 
 @inner_kernel
-def by_box(p: Xyz, u: Xyz, length: float, centre: Xyz, R: Array, half: Xyz, least: float) -> Effect:
+def by_box(
+    p: Vector, u: Vector, length: float, centre: Vector, R: Array, half: Vector, least: float
+) -> Effect:
     """Return what a box with attitude R (3, 3) does to a link.
 
     Inside, the nearest side counts, its distance negative.
     """
-    a, b, c = _row(R, 0), _row(R, 1), _row(R, 2)
-    first, along = _turned(a, b, c, _plus(p, -1.0, centre)), _turned(a, b, c, u)
+    axes = rows_of(R)
+    first, along = turned_back(axes, minus(p, centre)), turned_back(axes, u)
     force, lever, potential = _ZERO, _ZERO, 0.0
     for part, share in _RULE:
-        x = _plus(first, part * length, along)
+        x = further(first, part * length, along)
         bx, by, bz = abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2]
         out = (max(bx, 0.0), max(by, 0.0), max(bz, 0.0))
-        distance = size = math.sqrt(_dot(out, out))
+        distance = size = norm(out)
         if size <= 0.0:
             distance, size = max(bx, by, bz), 1.0
             out = (1.0 * (bx >= distance), 1.0 * (by >= distance), 1.0 * (bz >= distance))
@@ -509,12 +493,10 @@ def by_box(p: Xyz, u: Xyz, length: float, centre: Xyz, R: Array, half: Xyz, leas
             math.copysign(out[1], x[1]),
             math.copysign(out[2], x[2]),
         )
-        force = _plus(force, charge * push, out)
-        lever = _plus(lever, charge * push * part * length, out)
+        force = further(force, charge * push, out)
+        lever = further(lever, charge * push * part * length, out)
         potential += charge * v
-    force = (_dot(a, force), _dot(b, force), _dot(c, force))
-    lever = (_dot(a, lever), _dot(b, lever), _dot(c, lever))
-    return force, lever, potential
+    return turned(axes, force), turned(axes, lever), potential
 
 
 def push(
@@ -558,13 +540,13 @@ def _push(
     n = screws.shape[1]
     wrench, total = np.zeros((n + 1, 6)), 0.0
     for i in range(len(ends)):
-        p1, p2 = _row(ends[i], 0), _row(ends[i], 1)
+        p1, p2 = row_of(ends[i], 0), row_of(ends[i], 1)
         u, length = direction(p1, p2)
         if length == 0.0:  # no charge
             continue
         force, lever, potential = _ZERO, _ZERO, 0.0
         for o in range(len(radius)):
-            a, b, strength = _row(start, o), _row(end, o), k
+            a, b, strength = row_of(start, o), row_of(end, o), k
             if radius[o] > 0.0 or not (line[o] or a == b):
                 f, t, v = by_round(p1, u, length, a, b, radius[o], least)
             elif not line[o]:
@@ -575,12 +557,12 @@ def _push(
             else:
                 f, t, v = by_charge(p1, u, length, closest(p1, p2, a, b), least)
                 strength = k_line
-            force, lever = _plus(force, strength, f), _plus(lever, strength, t)
+            force, lever = further(force, strength, f), further(lever, strength, t)
             potential += strength * v
         for o in range(len(centre)):
-            f, t, v = by_box(p1, u, length, _row(centre, o), R[o], _row(half, o), least)
-            force, lever, potential = _plus(force, k, f), _plus(lever, k, t), potential + k * v
-        moment = _plus(_cross(p1, force), 1.0, _cross(u, lever))
+            f, t, v = by_box(p1, u, length, row_of(centre, o), R[o], row_of(half, o), least)
+            force, lever, potential = further(force, k, f), further(lever, k, t), potential + k * v
+        moment = further(cross(p1, force), 1.0, cross(u, lever))
         for axis in range(3):
             wrench[body[i], axis] += force[axis]
             wrench[body[i], 3 + axis] += moment[axis]

@@ -23,6 +23,19 @@ from ..compiled import (
 )
 from ..scene import Flags, Index, Scene
 from ..spatial import Array
+from ..vectors import (
+    Rows,
+    Vector,
+    cross,
+    dot,
+    further,
+    minus,
+    norm,
+    row_of,
+    times,
+    turned,
+    turned_back,
+)
 
 # --- Arrays that belong together, as the kernels of this room take them: plain tuples in one order
 
@@ -59,9 +72,6 @@ MOTION: Final = record(VECTOR, MATRIX, VECTOR, MATRIX)
 # taken without their radii. The normal points from the second thing to the first: moving the
 # first along it widens the distance.
 
-Point = tuple[float, float, float]
-Attitude = tuple[Point, Point, Point]
-
 TOUCHING = 1e-9
 """Closer than this there is no direction between nearest points [m]."""
 
@@ -72,17 +82,12 @@ _TINY = 1e-300
 
 
 @inner_kernel
-def _row(rows: Array, i: int) -> Point:
-    return rows[i, 0], rows[i, 1], rows[i, 2]
-
-
-@inner_kernel
-def _node(ends: Array, s: int, c: int, e: int) -> Point:
+def _node(ends: Array, s: int, c: int, e: int) -> Vector:
     return ends[s, c, e, 0], ends[s, c, e, 1], ends[s, c, e, 2]
 
 
 @inner_kernel
-def _attitude(R: Array, i: int) -> Attitude:
+def _attitude(R: Array, i: int) -> Rows:
     return (
         (R[i, 0, 0], R[i, 0, 1], R[i, 0, 2]),
         (R[i, 1, 0], R[i, 1, 1], R[i, 1, 2]),
@@ -91,58 +96,18 @@ def _attitude(R: Array, i: int) -> Attitude:
 
 
 @inner_kernel
-def _dot(a: Point, b: Point) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner_kernel
-def _minus(a: Point, b: Point) -> Point:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inner_kernel
-def _further(a: Point, u: Point, t: float) -> Point:
-    return a[0] + t * u[0], a[1] + t * u[1], a[2] + t * u[2]
-
-
-@inner_kernel
-def _times(a: Point, factor: float) -> Point:
-    return factor * a[0], factor * a[1], factor * a[2]
-
-
-@inner_kernel
-def _cross(a: Point, b: Point) -> Point:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@inner_kernel
-def _length(a: Point) -> float:
-    return math.sqrt(_dot(a, a))
-
-
-@inner_kernel
 def _part(t: float) -> float:
     return min(max(t, 0.0), 1.0)
-
-
-@inner_kernel
-def _turned(R: Attitude, a: Point) -> Point:
-    return _dot(R[0], a), _dot(R[1], a), _dot(R[2], a)
-
-
-@inner_kernel
-def _turned_back(R: Attitude, a: Point) -> Point:
-    return _further(_further(_times(R[0], a[0]), R[1], a[1]), R[2], a[2])
 
 
 # --- a segment and a segment -----------------------------------------------------------------
 
 
 @inner_kernel
-def _between_segments(a: Point, u: Point, c: Point, v: Point) -> tuple[float, float]:
+def _between_segments(a: Vector, u: Vector, c: Vector, v: Vector) -> tuple[float, float]:
     """Return where a + s u and c + t v are nearest: s and t (after Ericson 2005, section 5.1.9)."""
-    r = _minus(a, c)
-    uu, vv, uv, ur, vr = _dot(u, u), _dot(v, v), _dot(u, v), _dot(u, r), _dot(v, r)
+    r = minus(a, c)
+    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
     sine2 = uu * vv - uv * uv
     s = 0.5
     if sine2 > _PARALLEL * uu * vv:
@@ -152,39 +117,39 @@ def _between_segments(a: Point, u: Point, c: Point, v: Point) -> tuple[float, fl
 
 
 @inner_kernel
-def _across(u: Point, v: Point) -> Point:
+def _across(u: Vector, v: Vector) -> Vector:
     """Return a unit vector across both u and v, or across u where they are parallel."""
-    n = _cross(u, v)
-    if _length(n) <= TOUCHING * math.sqrt(_dot(u, u) * _dot(v, v)):
+    n = cross(u, v)
+    if norm(n) <= TOUCHING * math.sqrt(dot(u, u) * dot(v, v)):
         x, y, z = abs(u[0]), abs(u[1]), abs(u[2])
         if x <= y and x <= z:
-            n = _cross(u, (1.0, 0.0, 0.0))
+            n = cross(u, (1.0, 0.0, 0.0))
         else:
-            n = _cross(u, (0.0, 1.0, 0.0)) if y <= z else _cross(u, (0.0, 0.0, 1.0))
-    length = _length(n)
-    return _times(n, 1.0 / length) if length > 0.0 else (0.0, 0.0, 1.0)
+            n = cross(u, (0.0, 1.0, 0.0)) if y <= z else cross(u, (0.0, 0.0, 1.0))
+    length = norm(n)
+    return times(1.0 / length, n) if length > 0.0 else (0.0, 0.0, 1.0)
 
 
 @inner_kernel
-def _from_segment(a: Point, u: Point, c: Point, v: Point) -> tuple[float, Point, float]:
+def _from_segment(a: Vector, u: Vector, c: Vector, v: Vector) -> tuple[float, Vector, float]:
     """Return how far a + s u is from c + t v: the distance, the normal, and s."""
     s, t = _between_segments(a, u, c, v)
-    out = _minus(_further(a, u, s), _further(c, v, t))
-    distance = _length(out)
-    return distance, _times(out, 1.0 / distance) if distance >= TOUCHING else _across(u, v), s
+    out = minus(further(a, s, u), further(c, t, v))
+    distance = norm(out)
+    return distance, times(1.0 / distance, out) if distance >= TOUCHING else _across(u, v), s
 
 
 @inner_kernel
-def _from_segment_at_least(a: Point, u: Point, c: Point, v: Point) -> float:
-    middles = _length(_minus(_further(a, u, 0.5), _further(c, v, 0.5)))
-    return middles - 0.5 * (_length(u) + _length(v))
+def _from_segment_at_least(a: Vector, u: Vector, c: Vector, v: Vector) -> float:
+    middles = norm(minus(further(a, 0.5, u), further(c, 0.5, v)))
+    return middles - 0.5 * (norm(u) + norm(v))
 
 
 # --- a segment and a box, in the axes of the box ---------------------------------------------
 
 
 @inner_kernel
-def _beyond(x: Point, half: Point) -> Point:
+def _beyond(x: Vector, half: Vector) -> Vector:
     """Return how far a point is beyond the sides of a box, along each axis."""
     return (
         x[0] - min(max(x[0], -half[0]), half[0]),
@@ -199,7 +164,7 @@ def _passing(p: float, u: float, side: float) -> float:
 
 
 @inner_kernel
-def _beside_box(p: Point, u: Point, half: Point) -> float:
+def _beside_box(p: Vector, u: Vector, half: Vector) -> float:
     """Return t, 0 to 1, where p + t u is nearest to a box; the middle of many such places.
 
     The squared distance is convex, with a slope that is linear between the places where the segment
@@ -212,7 +177,7 @@ def _beside_box(p: Point, u: Point, half: Point) -> float:
         _passing(p[1], u[1], -half[1]), _passing(p[1], u[1], half[1]),
         _passing(p[2], u[2], -half[2]), _passing(p[2], u[2], half[2]), 1.0,
     ):  # fmt: skip
-        slope = _dot(_beyond(_further(p, u, t), half), u)
+        slope = dot(_beyond(further(p, t, u), half), u)
         if slope < 0.0:
             last, down = max(last, t), max(down, slope)
         else:
@@ -227,14 +192,14 @@ def _beside_box(p: Point, u: Point, half: Point) -> float:
 
 
 @inner_kernel
-def _depth(p: Point, u: Point, half: Point, n: Point) -> float:
+def _depth(p: Vector, u: Vector, half: Vector, n: Vector) -> float:
     """Return how far along a unit vector n a segment is inside a box."""
     size = abs(n[0]) * half[0] + abs(n[1]) * half[1] + abs(n[2]) * half[2]
-    return size - min(_dot(n, p), _dot(n, _further(p, u, 1.0)))
+    return size - min(dot(n, p), dot(n, further(p, 1.0, u)))
 
 
 @inner_kernel
-def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
+def _way_out(p: Vector, u: Vector, half: Vector) -> tuple[float, Vector, float]:
     """Return the shortest way out for a segment that cuts a box: separating axes, one by one.
 
     Its length, its direction, and where on the segment the deepest end is; the middle, where the
@@ -242,15 +207,15 @@ def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
     """
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     least, way = np.inf, x
-    for axis in (x, y, z, _cross(u, x), _cross(u, y), _cross(u, z)):
-        length = _length(axis)
+    for axis in (x, y, z, cross(u, x), cross(u, y), cross(u, z)):
+        length = norm(axis)
         if length > TOUCHING:
             for sign in (1.0, -1.0):
-                n = _times(axis, sign / length)
+                n = times(sign / length, axis)
                 depth = _depth(p, u, half, n)
                 if depth < least:
                     least, way = depth, n
-    along = _dot(way, u)
+    along = dot(way, u)
     if abs(along) < TOUCHING:
         return least, way, 0.5
     return least, way, 1.0 if along < 0.0 else 0.0
@@ -258,23 +223,23 @@ def _way_out(p: Point, u: Point, half: Point) -> tuple[float, Point, float]:
 
 @inner_kernel
 def _from_box(
-    a: Point, u: Point, R: Attitude, centre: Point, half: Point
-) -> tuple[float, Point, float]:
+    a: Vector, u: Vector, R: Rows, centre: Vector, half: Vector
+) -> tuple[float, Vector, float]:
     """Return how far a segment, from a along u, is from a box: as `_from_segment`, in World."""
-    p, u = _turned_back(R, _minus(a, centre)), _turned_back(R, u)
+    p, u = turned_back(R, minus(a, centre)), turned_back(R, u)
     s = _beside_box(p, u, half)
-    out = _beyond(_further(p, u, s), half)
-    distance = _length(out)
+    out = _beyond(further(p, s, u), half)
+    distance = norm(out)
     if distance >= TOUCHING:
-        return distance, _turned(R, _times(out, 1.0 / distance)), s
+        return distance, turned(R, times(1.0 / distance, out)), s
     depth, way, s = _way_out(p, u, half)
-    return -depth, _turned(R, way), s
+    return -depth, turned(R, way), s
 
 
 @inner_kernel
-def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Point) -> float:
-    middle = _turned_back(R, _minus(_further(a, u, 0.5), centre))
-    distance = _length(_beyond(middle, half)) - 0.5 * _length(u)
+def _from_box_at_least(a: Vector, u: Vector, R: Rows, centre: Vector, half: Vector) -> float:
+    middle = turned_back(R, minus(further(a, 0.5, u), centre))
+    distance = norm(_beyond(middle, half)) - 0.5 * norm(u)
     return distance if distance > 0.0 else -np.inf  # how deep it may be inside is not known
 
 
@@ -284,7 +249,7 @@ def _from_box_at_least(a: Point, u: Point, R: Attitude, centre: Point, half: Poi
 @inner_kernel
 def _pair(
     ends: Array, s: int, first: int, second: int, within: float, obstacles: Obstacles
-) -> tuple[float, Point, Point]:
+) -> tuple[float, Vector, Vector]:
     """Return the distance, normal and place of one pair at one of several postures.
 
     Of a pair that is not `within` [m], only a lower bound of the distance: no normal, no place.
@@ -292,23 +257,23 @@ def _pair(
     start, end, R, centre, half = obstacles
     capsules, normal, part = ends.shape[1], (0.0, 0.0, 0.0), 0.0
     a = _node(ends, s, first, 0)
-    u = _minus(_node(ends, s, first, 1), a)
+    u = minus(_node(ends, s, first, 1), a)
     thing, box = second - capsules, second - capsules - len(start)
     if box >= 0:
-        turn, middle, sides = _attitude(R, box), _row(centre, box), _row(half, box)
+        turn, middle, sides = _attitude(R, box), row_of(centre, box), row_of(half, box)
         distance = _from_box_at_least(a, u, turn, middle, sides)
         if distance < within:
             distance, normal, part = _from_box(a, u, turn, middle, sides)
     else:
         if thing >= 0:
-            b, v = _row(start, thing), _minus(_row(end, thing), _row(start, thing))
+            b, v = row_of(start, thing), minus(row_of(end, thing), row_of(start, thing))
         else:
             b = _node(ends, s, second, 0)
-            v = _minus(_node(ends, s, second, 1), b)
+            v = minus(_node(ends, s, second, 1), b)
         distance = _from_segment_at_least(a, u, b, v)
         if distance < within:
             distance, normal, part = _from_segment(a, u, b, v)
-    return distance, normal, _further(a, u, part)
+    return distance, normal, further(a, part, u)
 
 
 def measured(ends: Array, pairs: Pairs, obstacles: Obstacles) -> tuple[Array, Array, Array]:
@@ -366,23 +331,23 @@ def apart(points: Array, scene: Scene) -> Apart:
 
 
 @inner_kernel
-def _from_axis(x: Point, start: Point, end: Point) -> tuple[float, Point]:
+def _from_axis(x: Vector, start: Vector, end: Vector) -> tuple[float, Vector]:
     """Return the distance of a point from a segment, and the normal."""
     away = (x[0] - start[0], x[1] - start[1], x[2] - start[2])
     way = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
-    part = min(1.0, max(0.0, _dot(away, way) / max(_dot(way, way), TOUCHING**2)))
+    part = min(1.0, max(0.0, dot(away, way) / max(dot(way, way), TOUCHING**2)))
     away = (away[0] - part * way[0], away[1] - part * way[1], away[2] - part * way[2])
-    distance = math.sqrt(_dot(away, away))
+    distance = math.sqrt(dot(away, away))
     size = max(distance, TOUCHING)
     return distance, (away[0] / size, away[1] / size, away[2] / size)
 
 
 @inner_kernel
-def _point_from_box(x: Point, half: Point) -> tuple[float, Point]:
+def _point_from_box(x: Vector, half: Vector) -> tuple[float, Vector]:
     """Return the distance of a point from a box, and the normal, in the axes of the box."""
     beyond = (abs(x[0]) - half[0], abs(x[1]) - half[1], abs(x[2]) - half[2])
     out = (max(beyond[0], 0.0), max(beyond[1], 0.0), max(beyond[2], 0.0))
-    distance = math.sqrt(_dot(out, out))
+    distance = math.sqrt(dot(out, out))
     if distance < TOUCHING:  # inside, where the shortest way out is through the nearest side
         distance = max(beyond[0], beyond[1], beyond[2])
         if beyond[0] == distance:
@@ -391,7 +356,7 @@ def _point_from_box(x: Point, half: Point) -> tuple[float, Point]:
             out = (0.0, 1.0, 0.0)
         else:
             out = (0.0, 0.0, 1.0)
-    size = math.sqrt(_dot(out, out))
+    size = math.sqrt(dot(out, out))
     return distance, (
         math.copysign(out[0] / size, x[0]),
         math.copysign(out[1] / size, x[1]),
@@ -426,9 +391,9 @@ def _apart(
         for o in range(len(centre)):
             away = (x[0] - centre[o, 0], x[1] - centre[o, 1], x[2] - centre[o, 2])
             local = (
-                _dot(away, (R[o, 0, 0], R[o, 1, 0], R[o, 2, 0])),
-                _dot(away, (R[o, 0, 1], R[o, 1, 1], R[o, 2, 1])),
-                _dot(away, (R[o, 0, 2], R[o, 1, 2], R[o, 2, 2])),
+                dot(away, (R[o, 0, 0], R[o, 1, 0], R[o, 2, 0])),
+                dot(away, (R[o, 0, 1], R[o, 1, 1], R[o, 2, 1])),
+                dot(away, (R[o, 0, 2], R[o, 1, 2], R[o, 2, 2])),
             )
             d, out = _point_from_box(local, (half[o, 0], half[o, 1], half[o, 2]))
             distance[s, k] = d - reach[rounds + o]
