@@ -73,7 +73,7 @@ def frames_at(tree: TreeArrays, q: Array, roots: Roots) -> Array:
 
 
 @inner_kernel
-def _frames_of(tree: TreeArrays, q: Array, R: Array, p: Array, found: Array) -> None:
+def frames_of(tree: TreeArrays, q: Array, R: Array, p: Array, found: Array) -> None:
     """Write the frames (n, 3, 4) at one posture q (n,), of roots at R (r, 3, 3), p (r, 3)."""
     parents, prismatic, parts, _ = tree
     step = np.empty((3, 4))
@@ -102,7 +102,7 @@ def _frame(tree: TreeArrays, q: Array, roots: Roots, found: Array) -> None:
     R, p = roots
     for s in range(len(q)):
         instant = min(s, len(p) - 1)
-        _frames_of(tree, q[s], R[instant], p[instant], found[s])
+        frames_of(tree, q[s], R[instant], p[instant], found[s])
 
 
 def axes_at(frames: Array, axis: Array) -> Array:
@@ -113,7 +113,8 @@ def axes_at(frames: Array, axis: Array) -> Array:
 
 
 @inner_kernel
-def _axes_of(frames: Array, axis: Array, found: Array) -> None:
+def axes_of(frames: Array, axis: Array, found: Array) -> None:
+    """Write axes (n, 3), given in frames (n, 3, 4), in World."""
     for j in range(len(axis)):
         x, y, z = axis[j]
         for i in range(3):
@@ -123,7 +124,7 @@ def _axes_of(frames: Array, axis: Array, found: Array) -> None:
 @compiled(ARRAY4, MATRIX, STACK)
 def _turn(frames: Array, axis: Array, found: Array) -> None:
     for s in range(len(frames)):
-        _axes_of(frames[s], axis, found[s])
+        axes_of(frames[s], axis, found[s])
 
 
 def placed_at(
@@ -223,8 +224,8 @@ def _stand(tree: TreeArrays, q: Array, R: Array, p: Array, frames: Array, axes: 
         p_root[0, i] = frames[0, i, 3] = p[i]
         for k in range(3):
             R_root[0, i, k] = frames[0, i, k] = R[i, k]
-    _frames_of(tree, q, R_root, p_root, frames[1:])
-    _axes_of(frames[1:], tree[3], axes)
+    frames_of(tree, q, R_root, p_root, frames[1:])
+    axes_of(frames[1:], tree[3], axes)
 
 
 @inner_kernel

@@ -7,6 +7,7 @@ import numpy as np
 from telerobot.server.control.backbone.curve import Bow, Chord, Curve
 from telerobot.server.control.backbone.fit import Chain, Links
 from telerobot.server.control.backbone.tunnels import Arcs, Turn
+from telerobot.server.control.forest import Tree
 from telerobot.server.control.spatial import Array, Pose, skew
 
 X, Y, Z = np.eye(3)
@@ -40,10 +41,9 @@ def chain(axes: Sequence[Array], lengths: Sequence[float]) -> Chain:
         parts[i, 0, :, :3] = np.eye(3)
         parts[i, 0, 1, 3] = lengths[i - 1] if i else 0.0
         parts[i, 1, :, :3], parts[i, 2, :, :3] = K, K @ K
-    root = np.column_stack((np.eye(3), np.zeros(3)))
-    tip = np.array([0.0, lengths[-1], 0.0])
-    links = Links(root, parts, np.array(axes, dtype=float), tip, np.ones(n, dtype=bool))
-    return Chain(links, n)
+    tree = Tree(np.arange(-1, n - 1), np.zeros(n, dtype=bool), parts, np.array(axes, dtype=float))
+    tip, counts = np.array([0.0, lengths[-1], 0.0]), np.ones(n, dtype=bool)
+    return Chain(Links(tree[:], np.eye(3)[None], np.zeros((1, 3)), tip, counts), n)
 
 
 def planar(n: int) -> Chain:

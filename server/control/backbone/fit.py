@@ -7,7 +7,7 @@ import numpy as np
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..compiled import (
-    ARRAY4,
+    ARRAY3,
     COUNT,
     FLAGS,
     MATRIX,
@@ -18,7 +18,7 @@ from ..compiled import (
     inner_kernel,
     record,
 )
-from ..forest import Branch
+from ..forest import TREE, Branch, TreeArrays, axes_of, frames_of
 from ..scene import Flags
 from ..spatial import Array, Pose
 
@@ -42,19 +42,19 @@ from ..spatial import Array, Pose
 FLAT = 1e-14
 """A joint whose own motion costs less than this [m²/rad²] moves nothing, and stays."""
 
-LINKS = record(MATRIX, ARRAY4, MATRIX, VECTOR, FLAGS)
+LINKS = record(TREE, ARRAY3, MATRIX, VECTOR, FLAGS)
 """`Links` as kernels take it."""
+LinkArrays = tuple[TreeArrays, Array, Array, Array, Flags]
 
 
 class Links(NamedTuple):
     """A serial chain of n revolute joints, as arrays."""
 
-    root: Array
-    """Base in World (3, 4)."""
-    parts: Array
-    """Joints' frames in their parents' (n, 3, 3, 4), as `forest.Tree` has them."""
-    axis: Array
-    """Axes in the joints' own frames (n, 3)."""
+    tree: TreeArrays
+    R: Array
+    """Attitude of its only root in World (1, 3, 3)."""
+    p: Array
+    """And where that is (1, 3) [m]."""
     tip: Array
     """In the last joint's frame (3,) [m]."""
     counts: Flags
@@ -72,50 +72,29 @@ class Fitted(NamedTuple):
 
 
 @inner_kernel
-def _place(
-    links: tuple[Array, Array, Array, Array, Flags],
-    q: Array,
-    origins: Array,
-    axes: Array,
-    points: Array,
-) -> None:
-    """Write where joints are, their axes, and the points that follow (n, 3), in World."""
-    root, parts, axis, tip, _ = links
-    n = len(q)
-    R, step = np.empty((3, 4)), np.empty((3, 4))
+def _place(links: LinkArrays, q: Array, frames: Array, axes: Array, points: Array) -> None:
+    """Write the joints' frames (n, 3, 4), axes, and the points that follow (n, 3), in World."""
+    tree, R, p, tip, _ = links
+    last = len(q) - 1
+    frames_of(tree, q, R, p, frames)
+    axes_of(frames, tree[3], axes)
     for row in range(3):
-        for k in range(4):
-            R[row, k] = root[row, k]
-    for i in range(n):
-        sine, cosine = np.sin(q[i]), 1.0 - np.cos(q[i])
-        for row in range(3):
-            for k in range(4):
-                step[row, k] = parts[i, 0, row, k] + sine * parts[i, 1, row, k]
-                step[row, k] += cosine * parts[i, 2, row, k]
-        for row in range(3):
-            x, y, z, p = R[row, 0], R[row, 1], R[row, 2], R[row, 3]
-            for k in range(4):
-                R[row, k] = x * step[0, k] + y * step[1, k] + z * step[2, k]
-            R[row, 3] += p
-            origins[i, row] = R[row, 3]
-            axes[i, row] = R[row, 0] * axis[i, 0] + R[row, 1] * axis[i, 1] + R[row, 2] * axis[i, 2]
-            if i > 0:
-                points[i - 1, row] = R[row, 3]
-    for row in range(3):
-        points[n - 1, row] = R[row, 3]
+        for i in range(last):
+            points[i, row] = frames[i + 1, row, 3]
+        points[last, row] = frames[last, row, 3]
         for k in range(3):
-            points[n - 1, row] += R[row, k] * tip[k]
+            points[last, row] += frames[last, row, k] * tip[k]
 
 
 @compiled(LINKS, MATRIX, STACK)
-def points_at(links: tuple[Array, Array, Array, Array, Flags], q: Array, found: Array) -> None:
+def points_at(links: LinkArrays, q: Array, found: Array) -> None:
     """Write the base and all points (s, n + 1, 3) in World [m] at postures q (s, n) [rad]."""
     n = q.shape[1]
-    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    frames, axes, points = np.empty((n, 3, 4)), np.empty((n, 3)), np.empty((n, 3))
     for s in range(len(q)):
-        _place(links, q[s], origins, axes, points)
+        _place(links, q[s], frames, axes, points)
         for row in range(3):
-            found[s, 0, row] = origins[0, row]
+            found[s, 0, row] = frames[0, row, 3]
             for i in range(n):
                 found[s, i + 1, row] = points[i, row]
 
@@ -134,7 +113,7 @@ def farthest_apart(one: Array, other: Array, first: int) -> float:
 
 @compiled(LINKS, VECTOR, MATRIX, MATRIX, VECTOR, FLAGS, COUNT, ROW, ROW)
 def fitted_at(
-    links: tuple[Array, Array, Array, Array, Flags],
+    links: LinkArrays,
     q: Array,
     curve: Array,
     rates: Array,
@@ -153,13 +132,13 @@ def fitted_at(
     for i in range(n):
         found[i], slopes[i] = q[i], 0.0
     counts = links[4]
-    origins, axes, points = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    frames, axes, points = np.empty((n, 3, 4)), np.empty((n, 3)), np.empty((n, 3))
     s, b = np.empty((n, 6)), np.empty(6)
     K, k = np.zeros((n, 6)), np.zeros((n, 2))
     S, g = np.empty((6, 6)), np.empty((6, 2))
     r, moved = np.empty((3, 2)), np.empty((6, 2))
     for _ in range(iterations):
-        _place(links, found, origins, axes, points)
+        _place(links, found, frames, axes, points)
         for u in range(6):
             g[u, 0], g[u, 1] = 0.0, 0.0
             for v in range(6):
@@ -191,7 +170,7 @@ def fitted_at(
                     for row in range(3):
                         g[3 + row, c] += r[row, c]
             ax, ay, az = axes[i, 0], axes[i, 1], axes[i, 2]
-            ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
+            ox, oy, oz = frames[i, 0, 3], frames[i, 1, 3], frames[i, 2, 3]
             s[i, 0], s[i, 1], s[i, 2] = ax, ay, az
             s[i, 3], s[i, 4], s[i, 5] = oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax
             stiff = 0.0
@@ -267,9 +246,8 @@ class Chain:
                 f"{cell.path}: mechanism.backbone: a serial chain of revolute joints is needed"
             )
         base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
-        root = np.column_stack((base.R, base.p))
-        tree, counts = branch.tree, np.ones(branch.n, dtype=bool)
-        return cls(Links(root, tree.parts, tree.axis, T.p, counts), branch.n)
+        counts = np.ones(branch.n, dtype=bool)
+        return cls(Links(branch.tree[:], base.R[None], base.p[None], T.p, counts), branch.n)
 
     @property
     def length(self) -> float:
