@@ -144,12 +144,11 @@ def _content(file: str) -> str:
 
 
 def _made_of(function: Callable[..., Any]) -> list[tuple[str, str]]:
-    """Return what machine code of a kernel is made of: files by content, constants by value."""
+    """Return what machine code of a kernel is made of: modules by content, constants by value."""
     found: dict[str, str] = {}
     seen, left = {function}, [function]
     for kernel in left:
-        file = kernel.__code__.co_filename
-        found[file] = _content(file)
+        found[kernel.__module__] = _content(kernel.__code__.co_filename)
         for name in kernel.__code__.co_names:
             value = kernel.__globals__.get(name)
             inner = getattr(value, "py_func", None)
