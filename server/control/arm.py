@@ -26,7 +26,7 @@ from .barriers.clearance import BarrierInputs, Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
-from .bodies.rates import ArmMeasurement, DesiredRates, JointRates, RateRequest
+from .bodies.rates import NO_LEVER, ArmMeasurement, DesiredRates, JointRates, RateRequest
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
@@ -144,34 +144,31 @@ def swept(dq: Array, inputs: Inputs) -> Array:
 
 
 def context_of(
-    off_path: Array | None,
-    told: WristMemory,
-    inputs: Inputs,
-    seen: ArmMeasurement,
-    wrist: Wrist,
-    lever: Array,
+    off_path: Array | None, told: WristMemory, seen: ArmMeasurement, wrist: Wrist
 ) -> Context:
     """Return what the sources see.
 
     The virtual link has the tool `off_path` (3,) [m], `told` is what the sensor of the `wrist`
-    told. `lever` (3,) leads from the MRF to where it was at start [m].
+    told.
     """
-    moved, k, moving = inputs.moved, seen.kinematics, inputs.intent is Intent.MOVE
+    inputs, k = seen.inputs, seen.kinematics
+    moved = inputs.moved
     return Context(
         inputs=inputs,
-        moving=moving,
-        guided=moving and inputs.posture is None and inputs.jog is None,
+        moving=seen.moving,
+        guided=seen.moving and inputs.posture is None and inputs.jog is None,
         k=k,
         twist=k.J.dot(seen.commanded.motion.dq),
-        lever=lever,
+        lever=seen.lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
         wrench=seen.wrench,
         hand=seen.hand,
         wrench_at=partial(wrist.contact.at_mrf, told.wrench),
         load=told.load,
-        precedence=0.0 if seen.near is None else seen.near.alpha,
+        precedence=seen.precedence,
         off_path=off_path,
+        held=seen.held,
     )
 
 
@@ -308,34 +305,31 @@ class Arm:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
             held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
         seen = ArmMeasurement(
-            k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded, wrench,
-            hand, placed, near, base,
+            inputs, k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded,
+            lever, wrench, hand, held, placed, near, base,
         )  # fmt: skip
-        context = context_of(task.off_path, wrist, inputs, seen, self.wrist, lever)
-        whole = self._whole(inputs, motion.q, k, objectives)
+        context = context_of(task.off_path, wrist, seen, self.wrist)
+        whole = self._whole(seen, objectives)
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
-        if held is not None:
-            context = context._replace(held=held)
         task, twists = self.task.twists(task, context)
-        stance = self._stance(memory, inputs, task, twists, seen)
+        stance = self._stance(memory, task, twists, seen)
         acting, settled = objectives, inputs.at_posture
         if settled and stance.alert and self._roused(stance, inputs):
             acting, settled = self.standing.of_outside(objectives), False
         request = RateRequest(
-            inputs if settled is inputs.at_posture else evolve(inputs, at_posture=False),
+            seen,
             acting,
-            lever,
             off_path=task.off_path,
             insertion=memory.insertion,
-            held=held,
             by_hand=memory.by_hand,
+            settled=settled,
         )
-        asked = self.resolved(twists, request, seen, whole, stance)
-        asked = self._coming_back(inputs, seen, asked)
+        asked = self.resolved(twists, request, whole, stance)
+        asked = self._coming_back(seen, asked)
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
-        retreat, asked = self._giving_way(memory, inputs, seen, asked)
+        retreat, asked = self._giving_way(memory, seen, asked)
         share = self.body.wall_scale(asked.found, seen, asked.dq)
         if share < 1.0:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
@@ -384,7 +378,6 @@ class Arm:
         self,
         twists: dict[str, Array],
         request: RateRequest,
-        seen: ArmMeasurement,
         whole: Whole = IDLE,
         stance: Stance = STANDS,
     ) -> DesiredRates:
@@ -393,14 +386,14 @@ class Arm:
         `request` says all but the twist. `whole` is what objectives have to be taken as it is,
         `stance` how the arm meets what comes.
         """
-        twist, inputs, k = summed(twists), request.inputs, seen.kinematics
-        q = seen.commanded.motion.q
+        seen, inputs = request.seen, request.seen.inputs
+        twist, k, q = summed(twists), seen.kinematics, seen.commanded.motion.q
         left = twist if whole is IDLE else whole.left(twists)
-        held = request.held
+        held = seen.held
         if held is not None:
             # The rows belong to the MRF: singularities are judged there, too.
             twist, left = held.part(twist), held.part(left)
-            request = request._replace(lever=np.zeros(3))
+            request = request._replace(seen=seen._replace(lever=NO_LEVER))
         joint_rates: Array | None = None
         limits: tuple[str, ...] = ()
         if inputs.intent is Intent.MOVE:
@@ -435,7 +428,7 @@ class Arm:
         request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
         if request.led_by_hand:
             request = self._led_by_hand(request, k.J)
-        found = self.body.rates(seen, request)
+        found = self.body.rates(request)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
         if held is not None:
             # Self-motion moves the tool along axes that are free.
@@ -453,29 +446,25 @@ class Arm:
         Obstacles are looked at at a posture, too. The twist that the spare joints move the tool by,
         since their rates come late, is taken off.
         """
-        if request.inputs.at_posture:
-            request = request._replace(
-                inputs=evolve(request.inputs, at_posture=False),
-                objectives=self.standing.of_outside(request.objectives),
-            )
+        if request.settled:
+            objectives = self.standing.of_outside(request.objectives)
+            request = request._replace(settled=False, objectives=objectives)
         going = request.by_hand.going
         if len(going) == 0:
             return request
         slides = LATE * self.p.period_s * bend(J, going, going, 1.0)
         return request._replace(twist=request.twist - slides)
 
-    def _whole(self, inputs: Inputs, q: Array, k: Kinematics, objectives: ObjectiveGains) -> Whole:
-        """Return what is taken whole at the commanded posture q (n,), whose kinematics are `k`.
-
-        Joints that are led themselves do not fold.
-        """
+    def _whole(self, seen: ArmMeasurement, objectives: ObjectiveGains) -> Whole:
+        """Return what is taken whole; joints that are led themselves do not fold."""
+        inputs, q, J = seen.inputs, seen.commanded.motion.q, seen.kinematics.J
         fold = inputs.beside.fold
         led = inputs.posture is not None or inputs.jog is not None
-        if fold is None or led or inputs.intent is not Intent.MOVE:
+        if fold is None or led or not seen.moving:
             return IDLE
-        z = self.joint_motion.folding(fold, q, k.J, inputs.settings.speed_factor)
-        rates = self.redundancy.whole(q, k.J, objectives, {FOLDING: z})
-        return Whole(rates, {name: k.J @ rates[name] for name in rates}, k.J @ z)
+        z = self.joint_motion.folding(fold, q, J, inputs.settings.speed_factor)
+        rates = self.redundancy.whole(q, J, objectives, {FOLDING: z})
+        return Whole(rates, {name: J @ rates[name] for name in rates}, J @ z)
 
     def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
         """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
@@ -495,14 +484,13 @@ class Arm:
     def _stance(
         self,
         memory: ArmMemory,
-        inputs: Inputs,
         task: TaskMemory,
         twists: dict[str, Array],
         seen: ArmMeasurement,
     ) -> Stance:
         """Return how the arm meets what comes: as one that is told to move, or one that stands."""
-        q, T_world_mrf = seen.commanded.motion.q, seen.kinematics.T_world_mrf
-        moving, pushed = inputs.intent is Intent.MOVE, inputs.pushed
+        q, T_world_mrf, inputs = seen.commanded.motion.q, seen.kinematics.T_world_mrf, seen.inputs
+        moving, pushed = seen.moving, inputs.pushed
         if moving and self._told(task, twists, inputs):
             return COMMANDED
         standing, station = self.standing, memory.station
@@ -529,9 +517,7 @@ class Arm:
         comes = inputs.scene is not None and inputs.scene.comes
         return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
 
-    def _coming_back(
-        self, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
-    ) -> DesiredRates:
+    def _coming_back(self, seen: ArmMeasurement, asked: DesiredRates) -> DesiredRates:
         """Add the way back of an arm that is off its station, where no goal leads it there.
 
         Contact holds it: what is there now may not be known.
@@ -541,7 +527,7 @@ class Arm:
             return asked
         dq, limits = asked.dq, (*asked.limits, "off_station")
         if asked.twists["position"] is NO_TWIST and max(sizes(asked.twists["force"])) < TOUCHING:
-            standing, factor, k = self.standing, inputs.settings.speed_factor, seen.kinematics
+            standing, factor, k = self.standing, seen.inputs.settings.speed_factor, seen.kinematics
             back = standing.back(station, seen.commanded.motion.q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
@@ -551,13 +537,13 @@ class Arm:
         return asked._replace(dq=dq, limits=limits)
 
     def _giving_way(
-        self, memory: ArmMemory, inputs: Inputs, seen: ArmMeasurement, asked: DesiredRates
+        self, memory: ArmMemory, seen: ArmMeasurement, asked: DesiredRates
     ) -> tuple[RetreatState | None, DesiredRates]:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.retreat is None or memory.retreat is None:
             return memory.retreat, asked
+        inputs, error, step = seen.inputs, seen.error, self.retreat.step
         q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
-        error, step = seen.error, self.retreat.step
         relieving = asked.by_joint and bool(asked.twists["force"].any())
         held_up: Array | float = 0.0
         if held:
@@ -597,13 +583,12 @@ class Arm:
     def before_barriers(
         self,
         memory: ArmMemory,
-        inputs: Inputs,
         seen: ArmMeasurement,
         asked: DesiredRates,
         beside: bool,
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
-        path = self.body.path(seen.kinematics, inputs.ground == "base")
+        path = self.body.path(seen.kinematics, seen.inputs.ground == "base")
         if asked.held is not None:
             path = asked.held.keep @ (seen.kinematics.J if path is None else path)
         return BarrierInputs(
@@ -612,15 +597,13 @@ class Arm:
             resistance=memory.resistance,
             # An arm that may not move gives way at most, and is not held up.
             may_move=memory.moving_since_s is not None,
-            T_wrist_mrf=inputs.settings.T_wrist_mrf,
-            motion_commanded=not beside or self.motion_commanded(asked.twists, inputs),
+            motion_commanded=not beside or self.motion_commanded(asked.twists, seen.inputs),
             path=path,
         )
 
     def finish(
         self,
         memory: ArmMemory,
-        inputs: Inputs,
         seen: ArmMeasurement,
         asked: DesiredRates,
         allowed: Allowed,
@@ -632,8 +615,8 @@ class Arm:
 
         The arm's are a `part` of those that are `limited`.
         """
-        motion = limited.motion.of(part)
-        actuated = self.actuate(memory.torque, Now(inputs, seen, motion, memory.wrist.load))
+        inputs, motion = seen.inputs, limited.motion.of(part)
+        actuated = self.actuate(memory.torque, Now(seen, motion, memory.wrist.load))
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
         stance = asked.stance
         station = stance.station
@@ -662,7 +645,6 @@ class Arm:
             task=memory.task,
             objectives=memory.objectives,
             T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
-            T_wrist_mrf=inputs.settings.T_wrist_mrf,
             scale=scale,
             limits=asked.limits
             + allowed.limits

@@ -79,8 +79,6 @@ class Output(NamedTuple):
     objectives: ObjectiveGains
     """The redundancy objectives' gains in effect."""
     T_world_mrf_measured: Pose
-    T_wrist_mrf: Pose
-    """The MRF that all this is about."""
     scale: float
     """Share of the asked tool motion that was granted, 0 to 1."""
     limits: tuple[str, ...]
@@ -108,6 +106,11 @@ class Output(NamedTuple):
     def dq(self) -> Array:
         """Commanded joint rates (n,) [rad/s]."""
         return self.motion.dq
+
+    @property
+    def T_wrist_mrf(self) -> Pose:
+        """The MRF that all this is about."""
+        return self.seen.inputs.settings.T_wrist_mrf
 
     @property
     def T_world_mrf(self) -> Pose:

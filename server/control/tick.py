@@ -99,16 +99,16 @@ class Control:
         on = [] if self.joint is None else self.joint.on(memory.arms, each, inputs)
         told, members = inputs, members_of(on)
         if on:
-            inputs = [members[i].inputs if i in members else x for i, x in enumerate(inputs)]
+            inputs = [members[i].seen.inputs if i in members else x for i, x in enumerate(inputs)]
         asked, before, barred = [], [], []
         for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
             if i in members:
-                kept, _, seen, wanted, *_ = members[i]
+                kept, seen, wanted, *_ = members[i]
             else:
                 kept, seen, wanted = arm.solve(last, each[i], given)
             asked.append((seen, wanted))
             before.append(kept)
-            barred.append(arm.before_barriers(kept, given, seen, wanted, beside))
+            barred.append(arm.before_barriers(kept, seen, wanted, beside))
         first = inputs[0]
         around = Surroundings(
             commanded.motion,
@@ -124,9 +124,7 @@ class Control:
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
         for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            kept, output = arm.finish(
-                before[i], inputs[i], *asked[i], allowed[i], clear.shown, limited, part
-            )
+            kept, output = arm.finish(before[i], *asked[i], allowed[i], clear.shown, limited, part)
             nexts.append(kept)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:

@@ -76,10 +76,10 @@ def errors(arm: Arm, ahead_m: float, sign: float = 1.0) -> Array:
         found.append(sizes(e))
         if i == STEPS:
             break
-        request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), sign * K * e)
         told = Commanded.at_rest(q)
-        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
-        q = q + STEP_S * arm.body.rates(seen, request).dq
+        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
+        request = RateRequest(seen, arm.redundancy.objectives, sign * K * e)
+        q = q + STEP_S * arm.body.rates(request).dq
         base = ROLLING.roll(base, q[:2])
     return np.array(found)
 

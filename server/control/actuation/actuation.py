@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bodies.rates import ArmMeasurement
 from ..compiled import VECTOR, compiled
-from ..inputs import Inputs, Intent, Payload
+from ..inputs import Intent, Payload
 from ..joints import Joints
 from ..mechanism.model import Dynamics
 from ..spatial import GRAVITY, Array, Motion
@@ -23,7 +23,6 @@ from .torque import TorqueLaw, Torques, TorqueState
 class Now(NamedTuple):
     """Inputs of an actuation."""
 
-    inputs: Inputs
     seen: ArmMeasurement
     after: Motion
     """The command that this tick decided on."""
@@ -109,7 +108,7 @@ class ByTorque:
         if self._wrench_of_bias is not None and now.load is not None:
             self._carry(now.load[:4])
             offset = self._wrench_of_bias @ now.load[4:]
-        inputs, seen = now.inputs, now.seen
+        seen, inputs = now.seen, now.seen.inputs
         kept, torques = self._law.step(
             state,
             inputs.q_measured,

@@ -513,19 +513,19 @@ class BackboneArm(SerialArm):
         kept = {old: found for old, found in self._told.items() if found is self.backbone}
         self._told = {**kept, tunnel: laid}
 
-    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+    def rates(self, request: RateRequest) -> JointRates:
         """Return joint rates at the commanded posture.
 
         An arm with a joint that is locked may withdraw, and nothing else.
         """
+        seen, inputs, drive = request.seen, request.seen.inputs, request.seen.inputs.drive
         (q, *_), _, sent = seen.commanded
-        inputs, drive = request.inputs, request.inputs.drive
         if inputs.intent is Intent.SEED:
             return self._along(np.zeros(len(q)), None, ())
         insertion = self.backbone.followed(request.insertion, q, (sent[1], inputs.q_measured))
         if insertion is None:
             return self._along(np.zeros(len(q)), None, ("off_backbone",))
-        if request.moving:
+        if seen.moving:
             insertion = self.backbone.ramped(insertion, drive, inputs.settings.speed_factor)
         else:
             insertion = insertion._replace(speed=0.0)
@@ -535,7 +535,7 @@ class BackboneArm(SerialArm):
         if self.backbone.arrived(insertion, drive):
             driven = abs(insertion.speed) > ARRIVED_SPEED
         if free > self._rank and not driven and not back_only:
-            return self._tail(seen, request, insertion)
+            return self._tail(request, insertion)
         head = self.backbone.head(q)
         twist = float(head @ request.twist[:3]) if free <= self._rank else 0.0
         share = 1.0
@@ -559,13 +559,13 @@ class BackboneArm(SerialArm):
         found = self._resolver.none(dq)
         return found._replace(limits=limits, synchronized=True, insertion=insertion)
 
-    def _tail(self, seen: ArmMeasurement, request: RateRequest, insertion: Insertion) -> JointRates:
+    def _tail(self, request: RateRequest, insertion: Insertion) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
-        k, inside = seen.kinematics, insertion.beyond
+        k, inside = request.seen.kinematics, insertion.beyond
         J = k.J.copy()
         J[:, :inside] = 0.0
-        seen = seen._replace(kinematics=k._replace(J=J))
-        found = self._resolver.rates(seen, request)
+        seen = request.seen._replace(kinematics=k._replace(J=J))
+        found = self._resolver.rates(request._replace(seen=seen))
         dq = found.dq.copy()
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)

@@ -26,7 +26,7 @@ from ..joints import joined, parts_of
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
-from ..spatial import Array, Motion, Pose
+from ..spatial import Array, Motion
 from .rows import Braking, Resistance, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
@@ -418,7 +418,6 @@ class BarrierInputs(NamedTuple):
     resistance: Resistance | None
     """The resistance that holds the arm up; None before the first tick."""
     may_move: bool
-    T_wrist_mrf: Pose
     motion_commanded: bool = True
     """Somebody tells the arm to move."""
     path: Array | None = None
@@ -563,11 +562,11 @@ class CollisionConstraint:
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(watch.arms, self.walls, strict=True):
             p = arm.seen.kinematics.T_world_mrf.p
-            if not walls.given or walls.far(p, arm.T_wrist_mrf, way):
+            if not walls.given or walls.far(p, arm.seen.inputs.settings.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
             T_base = None if base is None else base.T
-            out = walls.violation(p, arm.T_wrist_mrf, postures(times), T_base)
+            out = walls.violation(p, arm.seen.inputs.settings.T_wrist_mrf, postures(times), T_base)
             short = max(short, out)
         return short
 

@@ -75,7 +75,6 @@ class Resolver:
 
     def rates(
         self,
-        seen: ArmMeasurement,
         request: RateRequest,
         shares: Shares | None = None,
         whole: bool = False,
@@ -84,18 +83,19 @@ class Resolver:
 
         `whole`: objectives look at the tool as all joints move it, not at their own joints alone.
         """
-        q = seen.commanded.motion.q
-        shares, held = self._even if shares is None else shares, request.held
+        seen, spare, view = request.seen, request.spare, None
+        q, inputs, held = seen.commanded.motion.q, seen.inputs, seen.held
+        shares = self._even if shares is None else shares
         if held is not None and shares is self._even:
             shares = Shares(held.rank)
-        k, D, inputs = judged_at(seen.kinematics, request.lever), shares.D, request.inputs
-        factor, spare, view = inputs.settings.speed_factor, request.spare, None
+        k, D = judged_at(seen.kinematics, seen.lever), shares.D
+        factor = inputs.settings.speed_factor
         if spare:
             view = self._field.look(
                 q, k, inputs.scene, request.objectives, seen.T_world_base, seen.placed, held
             )
         give_way = self._field.give_way(view, request.off_path, inputs.goal is not None, factor)
-        task = self.resolve(q, k.J, shifted(request.twist, give_way), request.lever, shares, held)
+        task = self.resolve(q, k.J, shifted(request.twist, give_way), seen.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:
             plain, J = task.null, k.J if self._own is None or whole else self._own * k.J
@@ -112,26 +112,22 @@ class Resolver:
             self_motion = self._redundancy.rate(at, request.objectives, factor, D, self._own)
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
-        by_hand = request.by_hand if request.moving else IDLE
+        by_hand = request.by_hand if seen.moving else IDLE
         found = JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way, by_hand=by_hand)
-        return self._led(found, k, task.null, seen, request) if request.led_by_hand else found
+        return self._led(found, k, task.null, request) if request.led_by_hand else found
 
     def _led(
-        self,
-        found: JointRates,
-        k: Kinematics,
-        null: Array,
-        seen: ArmMeasurement,
-        request: RateRequest,
+        self, found: JointRates, k: Kinematics, null: Array, request: RateRequest
     ) -> JointRates:
         """Return joint rates with what an operator asks of the spare joints.
 
         The more avoiding comes before a hand's force, the less of it.
         """
-        asked, factor = request.inputs.self_motion, request.inputs.settings.speed_factor
-        share = 1.0 if seen.near is None else 1.0 - seen.near.alpha
+        seen = request.seen
+        asked, factor = seen.inputs.self_motion, seen.inputs.settings.speed_factor
+        share = 1.0 - seen.precedence
         answer = self.by_hand.step(
-            k, null, asked, request.by_hand, found.dq, factor, share, request.held
+            k, null, asked, request.by_hand, found.dq, factor, share, seen.held
         )
         self_motion = found.self_motion._replace(dq=found.self_motion.dq + answer.dq)
         return found._replace(
@@ -214,9 +210,9 @@ class SerialArm:
         """
         raise ValueError("the mechanism has no backbone: it goes through no tunnel")
 
-    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+    def rates(self, request: RateRequest) -> JointRates:
         """Return joint rates that do what is asked for."""
-        return self._resolver.rates(seen, request)
+        return self._resolver.rates(request)
 
     @property
     def by_hand(self) -> SelfMotionByHand:

@@ -1,7 +1,9 @@
 """What a body is asked for, what it answers, and what an arm asks of its joints in all."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from ..axes import HeldAxes
 from ..hold import STANDS, Stance
@@ -12,6 +14,8 @@ from ..mechanism.self_motion import IDLE, HandState
 from ..proximity.capsules import Placed
 from ..spatial import NO_TWIST, Array, Kinematics, Pose
 from ..stop.limiter import Commanded
+
+NO_LEVER: Final = np.zeros(3)
 
 
 class Following(NamedTuple):
@@ -50,8 +54,9 @@ class Insertion(NamedTuple):
 
 
 class ArmMeasurement(NamedTuple):
-    """Where one arm is, what it exerts, and what is known to be near it."""
+    """What one arm is given in a tick: its inputs, where it is, what it exerts, what is near."""
 
+    inputs: Inputs
     kinematics: Kinematics
     """Of the commanded posture."""
     T_world_wrist_measured: Pose
@@ -59,10 +64,15 @@ class ArmMeasurement(NamedTuple):
     """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
     commanded: Commanded
     """What its joints were last told."""
+    lever: Array = NO_LEVER
+    """From the MRF to the point of the tool at which singularities are judged, and whose rates are
+    shaped: where the MRF was at start (3,) [m]. A new MRF is no new point."""
     wrench: Array | None = None
     """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
     hand: Array | None = None
     """The same of the mean readings."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all."""
     placed: Placed | None = None
     """Its links at the commanded posture, where they are known already."""
     near: Near | None = None
@@ -70,40 +80,43 @@ class ArmMeasurement(NamedTuple):
     T_world_base: Pose | None = None
     """Where a Base that moves is; None: Base stands."""
 
-
-class RateRequest(NamedTuple):
-    """The motion that a body is asked for."""
-
-    inputs: Inputs
-    objectives: ObjectiveGains
-    """Gains of the redundancy objectives."""
-    lever: Array
-    """From the MRF to the point of the tool at which singularities are judged (3,) [m]."""
-    twist: Array = NO_TWIST
-    """Of its MRF, World axes (6,) [m/s, rad/s]."""
-    off_path: Array | None = None
-    """Where the virtual link has the tool off its path, in World (3,) [m]."""
-    insertion: Insertion | None = None
-    """Where along its curve it was a tick ago."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all. Where some are free, the lever is none."""
-    by_hand: HandState = IDLE
-    """How far an operator's self-motion had come."""
-
     @property
     def moving(self) -> bool:
         """The arm may move, and does not only give way."""
         return self.inputs.intent is Intent.MOVE
 
     @property
+    def precedence(self) -> float:
+        """Part that avoidance takes of following, 0 to 1 [1]."""
+        return 0.0 if self.near is None else self.near.alpha
+
+
+class RateRequest(NamedTuple):
+    """The motion that a body is asked for."""
+
+    seen: ArmMeasurement
+    objectives: ObjectiveGains
+    """Gains of the redundancy objectives."""
+    twist: Array = NO_TWIST
+    """Of its MRF, World axes (6,) [m/s, rad/s]."""
+    off_path: Array | None = None
+    """Where the virtual link has the tool off its path, in World (3,) [m]."""
+    insertion: Insertion | None = None
+    """Where along its curve it was a tick ago."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion had come."""
+    settled: bool = False
+    """The arm is at a posture, where spare joints stand."""
+
+    @property
     def spare(self) -> bool:
         """Spare joints may move."""
-        return self.moving and not self.inputs.at_posture
+        return self.seen.moving and not self.settled
 
     @property
     def led_by_hand(self) -> bool:
         """An operator moves the spare joints, or did until now."""
-        return self.moving and (self.inputs.self_motion.acts or self.by_hand.moves)
+        return self.seen.moving and (self.seen.inputs.self_motion.acts or self.by_hand.moves)
 
 
 class JointRates(NamedTuple):

@@ -26,7 +26,7 @@ from ..parameters import Parameters
 from ..spatial import Array, Kinematics, sizes, twist_at
 from ..wheels import DifferentialDrive
 from .body import Builder, Resolver, SerialArm, Shares, judged_at
-from .rates import ArmMeasurement, JointRates, RateRequest
+from .rates import JointRates, RateRequest
 
 CREEPS, GOES = 0.005, 0.02
 """A tool that is asked for less than the first is the arm's alone; from the second on the base
@@ -93,9 +93,10 @@ class DrivenArm(SerialArm):
         """Return whether the tool is led relative to Base, so that the arm alone leads it."""
         return inputs.ground == "base"
 
-    def rates(self, seen: ArmMeasurement, request: RateRequest) -> JointRates:
+    def rates(self, request: RateRequest) -> JointRates:
         """Return rates of base and arm at the commanded posture."""
-        k, inputs, moving = seen.kinematics, request.inputs, request.moving
+        seen = request.seen
+        k, inputs, moving = seen.kinematics, seen.inputs, seen.moving
         base, on_base = np.zeros(len(self._most)), self.works_alone(inputs) or not moving
         if moving:
             base = self.driven(inputs.drive, inputs.settings.speed_factor)
@@ -110,10 +111,10 @@ class DrivenArm(SerialArm):
             request = request._replace(twist=twist)
         D = self._alone.copy()
         D[self._base] = max(STANDING, part * self._with[0])
-        alone, held = bool(D[0] == STANDING), request.held
+        alone, held = bool(D[0] == STANDING), seen.held
         ranks = self._ranks if held is None else held.ranks
         shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
-        found = self._resolver.rates(seen, request, shares, whole)
+        found = self._resolver.rates(request, shares, whole)
         if not alone:
             return found
         dq = found.dq
@@ -125,9 +126,9 @@ class DrivenArm(SerialArm):
         if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
             return found._replace(wheels_commanded=bool(self.synchronized))
         # The arm cannot answer the drive: the base goes no further than the tool allows.
-        J, q = judged_at(k, request.lever).J, seen.commanded.motion.q
+        J, q = judged_at(k, seen.lever).J, seen.commanded.motion.q
         shares = Shares(ranks[1], self.holding_back(base))
-        rest = self._resolver.resolve(q, J, left, request.lever, shares, held)
+        rest = self._resolver.resolve(q, J, left, seen.lever, shares, held)
         return found._replace(dq=dq + rest.dq, limits=("singularity",))
 
 
@@ -161,7 +162,7 @@ class WheeledArm(DrivenArm):
 
     def follows(self, twist: Array, request: RateRequest) -> float:
         """Return how far wheels follow a tool: not where it creeps, they would grind to and fro."""
-        v, w = sizes(twist_at(twist, request.lever))
+        v, w = sizes(twist_at(twist, request.seen.lever))
         return min(1.0, max(0.0, (max(v, w * self._length) - CREEPS) / (GOES - CREEPS)))
 
     def posture(self, posture: Array, q: Array) -> Array:

@@ -48,9 +48,8 @@ class Member(NamedTuple):
     """One arm's part in a joint task in one tick."""
 
     memory: ArmMemory
-    inputs: Inputs
-    """Its own, with the MRF where it sees it, and nothing that commands it alone."""
     seen: ArmMeasurement
+    """With the MRF where it sees it, and nothing that commands it alone."""
     wanted: DesiredRates
     give_way: Array
     """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
@@ -211,7 +210,6 @@ class _Of(NamedTuple):
     """One arm in one tick, before it is decided what it is asked for."""
 
     before: ArmMemory
-    inputs: Inputs
     seen: ArmMeasurement
     """With the MRF where the arm sees it."""
     wrist: WristMemory
@@ -284,7 +282,10 @@ class JointTask:
         T_world_mrf, first = mean @ T_payload_mrf, each[0]
         shared, twists = self._summed(first, told, T_world_mrf)
         twist = sum(twists.values(), np.zeros(6))
-        views, wrists = [of.inputs.settings.T_wrist_mrf for of in each], [of.wrist for of in each]
+        views, wrists = (
+            [of.seen.inputs.settings.T_wrist_mrf for of in each],
+            [of.wrist for of in each],
+        )
         known = first.held.weighed
         weights = self._giving_way.weights(told, [of.held for of in each])
         forces = self._giving_way.forces(
@@ -318,7 +319,7 @@ class JointTask:
             )  # fmt: skip
             held = evolve(memory.held, light_s=light[i], weighed=known, weights=weights[i])
             memory_of_arm = evolve(memory, held=held)
-            members.append(Member(memory_of_arm, of.inputs, of.seen, rates, share * way, holding))
+            members.append(Member(memory_of_arm, of.seen, rates, share * way, holding))
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
             slowed = self._at_fault(members, forces, R_world_payload)
@@ -376,10 +377,9 @@ class JointTask:
         position, first = shared.position, found[0]
         k = first.seen.kinematics._replace(T_world_mrf=together.T_world_mrf)
         common = first._replace(
-            seen=first.seen._replace(kinematics=k, wrench=together.contact),
+            seen=first.seen._replace(inputs=told, kinematics=k, wrench=together.contact),
             task=shared,
             T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
-            T_wrist_mrf=told.settings.T_wrist_mrf,
             at_rest=all(output.at_rest for output in found),
             at_goal=told.intent is Intent.MOVE and position.at_goal,
             bleeding=any(m.held is not None and m.held.force.bleeding for m in memories),
@@ -408,9 +408,11 @@ class JointTask:
             moving,
             told.settings.at_once,
         )
-        seen = first.seen._replace(kinematics=there, wrench=None, hand=None)
         lever = there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p)
-        context = context_of(None, first.wrist, told, seen, self.arms[0].wrist, lever)
+        seen = first.seen._replace(
+            inputs=told, kinematics=there, lever=lever, wrench=None, hand=None
+        )
+        context = context_of(None, first.wrist, seen, self.arms[0].wrist)
         all_gains = memory.gains
         common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
         memory, twists = self._task.twists(memory._replace(gains=common), context)
@@ -449,13 +451,15 @@ class JointTask:
             given = _of_member(inputs[self.members[i]], told, held[i], T_payload_mrf)
             arm, mrf = self.arms[i], given.settings.T_wrist_mrf
             seen = ArmMeasurement(
+                given,
                 at_mrf(*wrist, mrf),
                 measured[i],
                 each[i].sent[1] - given.q_measured,
                 each[i],
+                wrist[0].R @ (arm.p.T_wrist_tool.p - mrf.p),
                 *arm.wrist.contact.at_mrf(wrists[i].wrench, mrf),
             )
-            found.append(_Of(before[i], given, seen, wrists[i], held[i]))
+            found.append(_Of(before[i], seen, wrists[i], held[i]))
         return found, mean
 
     def _tuned(
@@ -467,11 +471,14 @@ class JointTask:
         would go up and down after their shares.
         """
         k = of.seen.kinematics
-        task, objectives, since_s = self.arms[i].tuned(of.before, of.inputs, k, of.wrist)
+        inputs = of.seen.inputs
+        task, objectives, since_s = self.arms[i].tuned(of.before, inputs, k, of.wrist)
         way, state = np.zeros(6), ForceState()
         if not lost:
             gain = task.gains.get("force", way)
-            way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, k, of.inputs, of.held)
+            way, state = self._giving_way.twist(
+                i, forces, gain, R_world_mrf, k, of.seen.inputs, of.held
+            )
         memory = evolve(
             of.before,
             wrist=of.wrist,
@@ -546,15 +553,13 @@ class JointTask:
 
         With what an operator asks of its spare joints, or without that.
         """
-        arm, given = self.arms[i], of.inputs
+        seen, hand = of.seen, memory.by_hand
         if not by_hand:
-            given = evolve(given, self_motion=UNASKED)
-        R, mrf = of.seen.kinematics.T_world_wrist.R, given.settings.T_wrist_mrf
-        lever = R @ (arm.p.T_wrist_tool.p - mrf.p)
-        hand = memory.by_hand if by_hand else IDLE
-        request = RateRequest(given, memory.objectives, lever, by_hand=hand)
+            seen = seen._replace(inputs=evolve(seen.inputs, self_motion=UNASKED))
+            hand = IDLE
+        request = RateRequest(seen, memory.objectives, by_hand=hand, settled=seen.inputs.at_posture)
         slowed = {name: share * twist for name, twist in twists.items()}
-        wanted = arm.resolved(slowed, request, of.seen)
+        wanted = self.arms[i].resolved(slowed, request)
         limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits
         return wanted._replace(scale=share, limits=limits)
 
@@ -709,7 +714,7 @@ class JointTasks:
         for task, stretch in zip(self.tasks, self._stretches, strict=True):
             if task.on(memories):
                 together = task.ask(memories, commanded, inputs)
-                views = [member.inputs.settings.T_wrist_mrf for member in together.members]
+                views = [member.seen.inputs.settings.T_wrist_mrf for member in together.members]
                 found.append(ActiveTask(task, together, stretch, stretch.carried(views)))
         return found
 

@@ -7,7 +7,6 @@ import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
 from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
-from telerobot.server.control.compiled import evolve
 from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
@@ -34,12 +33,12 @@ def mechanism(cell):
 
 
 def asked(arm, q, k, base, twist, **more):
-    """Return what an arm that may move measures, and is asked for."""
+    """Return what an arm that may move is asked for."""
     settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, np.zeros(9), settings, **more)
     told = Commanded.at_rest(q)
-    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
-    return seen, RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), np.asarray(twist))
+    seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
+    return RateRequest(seen, arm.redundancy.objectives, np.asarray(twist))
 
 
 def somewhere(draw, cell):
@@ -103,7 +102,7 @@ def test_the_tools_error_decays_exponentially_whoever_makes_the_motion(arm, on_t
         k = arm.mechanism.kinematics(q, mrf, base)
         e = pose_error(target, k.T_world_mrf)
         first = sizes(e) if first is None else first
-        found = arm.body.rates(*asked(arm, q, k, base, K * e))
+        found = arm.body.rates(asked(arm, q, k, base, K * e))
         assert not found.wheels_commanded
         q = q + dt * found.dq
         base = ROLLING.roll(base, q[:2])
@@ -119,7 +118,7 @@ def test_self_motion_of_base_and_arm_does_not_move_the_tool(arm):
     base = Rolled.at(Pose(rotation_rpy(0.0, 0.0, 0.8), np.array([1.0, 2.0, 0.0])), q[:2])
     k = arm.mechanism.kinematics(q, mrf, base)
     for twist in ([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.05, 0.02, 0.0, 0.1, 0.2]):
-        found = arm.body.rates(*asked(arm, q, k, base, twist))
+        found = arm.body.rates(asked(arm, q, k, base, twist))
         assert k.J @ found.dq == pytest.approx(twist, abs=1e-12)
         assert np.linalg.norm(found.self_motion.dq[:2]) > 1e-3
         assert k.J @ found.self_motion.dq == pytest.approx(np.zeros(6), abs=1e-12)
@@ -131,14 +130,12 @@ def test_a_driven_base_goes_as_told_and_the_arm_keeps_the_tool_in_world(arm):
     base = Rolled.at(Pose.identity(), q[:2])
     k, twist = arm.mechanism.kinematics(q, mrf, base), np.array([0.0, 0.02, 0.0, 0.0, 0.0, 0.1])
     drive, wheels = DriveRequest(speed=0.2, turn=0.1), ROLLING.wheels(0.2, 0.1)
-    seen, request = asked(arm, q, k, base, twist, drive=drive)
-    found = arm.body.rates(seen, request)
+    found = arm.body.rates(asked(arm, q, k, base, twist, drive=drive))
     assert found.wheels_commanded
     assert found.dq[:2] == pytest.approx(wheels)
     assert k.J @ found.dq == pytest.approx(twist, abs=1e-9)
     # Relative to Base the arm does the same whatever the base does.
-    on_base = request._replace(inputs=evolve(request.inputs, ground="base"))
-    carried = arm.body.rates(seen, on_base)
+    carried = arm.body.rates(asked(arm, q, k, base, twist, drive=drive, ground="base"))
     assert carried.dq[:2] == pytest.approx(wheels)
     assert k.J[:, 2:] @ carried.dq[2:] == pytest.approx(twist, abs=1e-9)
 

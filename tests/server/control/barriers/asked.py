@@ -17,8 +17,8 @@ def situation(k, dq, motion, scene):
     found = JointRates(dq, SelfMotion(none, {}))
     desired = DesiredRates(dq, {}, NO_TWIST, 1.0, (), found, stance=COMMANDED)
     told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
-    seen = ArmMeasurement(k, k.T_world_wrist, none, told)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
-    arm = BarrierInputs(desired, seen, None, True, Pose.identity())
+    seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
+    arm = BarrierInputs(desired, seen, None, True)
     return (arm,), Surroundings(motion, {}, inputs), dq

@@ -37,11 +37,10 @@ def rates(arm):
     def found(twist, held=None, **more):
         settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
         inputs = Inputs(0.0, Intent.MOVE, BENT, settings, **more)
-        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(9), Commanded.at_rest(BENT))
-        request = RateRequest(
-            inputs, arm.redundancy.objectives, np.zeros(3), np.array(twist), held=held
-        )
-        return k.J, arm.body.rates(seen, request)
+        told = Commanded.at_rest(BENT)
+        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, held=held)
+        request = RateRequest(seen, arm.redundancy.objectives, np.array(twist))
+        return k.J, arm.body.rates(request)
 
     return found
 

@@ -132,11 +132,12 @@ def test_the_more_avoiding_comes_first_the_less_an_operator_moves_the_spare_join
     )
 
     def rate(near):
-        seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7), Commanded.at_rest(q), near=near)
+        told = Commanded.at_rest(q)
+        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(7), told, near=near)
         state = at_rate(0.1)
         for _ in range(100):
-            request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), by_hand=state)
-            state = arm.body.rates(seen, request).by_hand
+            request = RateRequest(seen, arm.redundancy.objectives, by_hand=state, settled=True)
+            state = arm.body.rates(request).by_hand
         return float(state.motion.dq[0])
 
     assert rate(None) == pytest.approx(0.1)

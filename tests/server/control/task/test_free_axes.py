@@ -93,9 +93,10 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     held = HeldAxes.of(holding(("x",)), k.T_world_mrf.R, (5, 5))
     along = np.concatenate([k.T_world_mrf.R @ np.array([3.0 * most, 0.0, 0.05]), np.zeros(3)])
     inputs = Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True)
-    request = RateRequest(inputs, arm.redundancy.objectives, np.zeros(3), held=held)
-    seen = ArmMeasurement(k, k.T_world_wrist, np.zeros(7), Commanded.at_rest(q))
-    found = arm.resolved({"joystick": along}, request, seen)
+    told = Commanded.at_rest(q)
+    seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(7), told, held=held)
+    request = RateRequest(seen, arm.redundancy.objectives, settled=True)
+    found = arm.resolved({"joystick": along}, request)
     assert found.scale == 1.0
     assert found.limits == ()
     for twist in (found.twist, held.part(k.J @ found.dq)):
@@ -173,7 +174,7 @@ def test_barriers_spare_the_path_of_what_is_held_alone(pa10):
     settings = replace(pa10.settings, held=holding(("y", "rx")))
     inputs = Inputs(0.0, Intent.MOVE, q, settings)
     memory, seen, wanted = arm.solve(told.arms[0], told.commanded, inputs)
-    before = arm.before_barriers(memory, inputs, seen, wanted, True)
+    before = arm.before_barriers(memory, seen, wanted, True)
     R = np.kron(np.eye(2), seen.kinematics.T_world_mrf.R)
     expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ seen.kinematics.J
     np.testing.assert_allclose(before.path, expected, atol=1e-12)
