@@ -334,18 +334,22 @@ class _WayHome(NamedTuple):
     """True where joint limits bar the way that is uphill."""
 
 
-class Answer(NamedTuple):
-    """Joint rates for a command, and how they came about."""
+class Resolved(NamedTuple):
+    """Joint rates for a tool rate."""
 
     dq: Array
-    """(n,) [rad/s]."""
-    way_home: Array | None
-    """The part (n,) of them along motions that bend most [rad/s]; None: none."""
+    """Task part (n,) [rad/s]."""
+    null: Array
+    """Orthonormal rows (n − rank, n) that span the spare motions: I − J⁺J = nullᵀ null."""
+    sigma_min: float
+    """Least singular value of the weighted Jacobian, of axes that the arm reaches at all [m]."""
     singular: bool
     """True where damping acts on what was asked."""
+    way_home: Array | None = None
+    """The part (n,) of dq that leads home from a singularity, whose side is chosen; None: none."""
 
 
-def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Answer:
+def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Resolved:
     """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
     region, damping = p.singular_region, p.damping
     least, n = float(at.sigma[len(at.V) - 1]), at.V.shape[1]
@@ -353,7 +357,7 @@ def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Answer:
     found = way or _WayHome(np.zeros(n), 0.0, False)
     dq, home = np.zeros(n), np.empty(n)
     singular = _answer_beside(at[:], *found, region, damping, p.floor, dq, home)
-    return Answer(dq, None if way is None else home, singular)
+    return Resolved(dq, at.null, least, singular, None if way is None else home)
 
 
 def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayHome | None:
@@ -400,21 +404,6 @@ def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayH
 # beyond the arm's, which bend nothing.
 
 
-class Resolved(NamedTuple):
-    """Joint rates for a tool rate."""
-
-    dq: Array
-    """Task part (n,) [rad/s]."""
-    null: Array
-    """Orthonormal rows (n − rank, n) that span the spare motions: I − J⁺J = nullᵀ null."""
-    sigma_min: float
-    """Least singular value of the weighted Jacobian, of axes that the arm reaches at all [m]."""
-    singular: bool
-    """True where damping acts on what was asked."""
-    way_home: Array | None = None
-    """The part (n,) of dq that leads home from a singularity, whose side is chosen; None: none."""
-
-
 def resolve(
     J: Array,
     twist: Array,
@@ -453,9 +442,9 @@ def resolve(
         U, travel = held.keep @ U, None if travel is None else travel.beside(Vt.shape[0] - n)
     found = answer(Directions(J, length, U, sigma, Vt[:rank], Vt[rank:], along), p, travel)
     if held is None:
-        return Resolved(found.dq, null, sigma_min, found.singular, found.way_home)
+        return found
     home = None if found.way_home is None else found.way_home[:n]
-    return Resolved(found.dq[:n], null, sigma_min, found.singular, home)
+    return found._replace(dq=found.dq[:n], null=null, way_home=home)
 
 
 @compiled(MATRIX, VECTOR, MATRIX, VECTOR, NUMBER, COUNT, ROW, ROW)
