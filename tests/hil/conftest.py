@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from _pytest.runner import runtestprotocol
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
@@ -31,6 +32,11 @@ START_S = 150.0 if os.environ.get("TELEROBOT_CAN") else 60.0
 STUCK_S = 60.0
 """Wall time after which physics that stand still are a failure [s]."""
 
+
+LOST_MS = pytest.StashKey[int]()
+"""Time in which the rigs of a test got to make no physics [ms]."""
+REPEATED = pytest.StashKey[list[str]]()
+"""Tests that were run again, and why."""
 
 KERNEL_BUS = os.environ.get("TELEROBOT_CAN", "")
 """Kernel's CAN buses to take in place of loopback: `vcan` for vcan0, vcan1, …; empty for none."""
@@ -96,6 +102,10 @@ class Plant(LocalPlant):
         """Every truth that was read."""
         self._ahead = -math.inf
         """The rig's count of SYNCs less the tick that one begins, or more: truths are read last."""
+        self.lost_ms = 0
+        """Time in which its rigs got to make no physics, known at the end [ms]. They skip steps
+        where they were late by two periods with no frame waiting: then the machine stood still, and
+        with it the daemon. A daemon that is late makes no rig late."""
 
     def __enter__(self):
         super().__enter__()
@@ -113,6 +123,8 @@ class Plant(LocalPlant):
         self.cont_daemon()
         self.stop()
         print(self.complaints())
+        told = re.findall(r"^rig: \d+ steps, (\d+) skipped", self.complaints(), flags=re.M)
+        self.lost_ms = round(sum(map(int, told)) * 1e3 * self.cell.config.rig.physics_step_s)
         self._session.close()
         super().__exit__(kind, error, trace)
 
@@ -223,8 +235,36 @@ class Plant(LocalPlant):
         return self.truth is not None
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    """Run a test once more that failed where the machine stood still: it has shown nothing.
+
+    The arm holds where its daemon gets no processor for so long, as it should, and nearly every
+    test here moves it. The witness is another process than what is tested: the rig.
+    """
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    reports = runtestprotocol(item, nextitem=nextitem, log=False)
+    lost_ms = item.stash.get(LOST_MS, 0)
+    if lost_ms and any(report.failed for report in reports):
+        again = item.config.stash.setdefault(REPEATED, [])
+        again.append(f"{item.nodeid}: its rig got no processor for {lost_ms} ms")
+        item.stash[LOST_MS] = 0
+        item._initrequest()
+        reports = runtestprotocol(item, nextitem=nextitem, log=False)
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Say which tests were run twice, and why."""
+    for line in config.stash.get(REPEATED, []):
+        terminalreporter.write_line(f"run again, {line}")
+
+
 @pytest.fixture
-def make_plant(tmp_path):
+def make_plant(tmp_path, request):
     """Return a function that starts a plant of a cell; all of them end with the test."""
     plants = []
 
@@ -236,6 +276,8 @@ def make_plant(tmp_path):
     yield make
     for plant in plants:
         plant.__exit__(None, None, None)
+        lost_ms = request.node.stash.get(LOST_MS, 0)
+        request.node.stash[LOST_MS] = lost_ms + plant.lost_ms
 
 
 @pytest.fixture
