@@ -1,3 +1,4 @@
+import dis
 import importlib
 import os
 import pkgutil
@@ -156,11 +157,17 @@ def python_users():
                 if hasattr(thing, "py_func") or getattr(thing, "__module__", "") != module_name:
                     continue
                 if code is not None:
-                    names = {n for c in (code, *nested(code)) for n in c.co_names}
-                    at = getattr(module, "__dict__", {})
-                    used = frozenset(id(at[n]) for n in names if n in at)
+                    at, every = getattr(module, "__dict__", {}), (code, *nested(code))
+                    names = {n for c in every for n in c.co_names if hasattr(at.get(n), "py_func")}
+                    loaded = {n for c in every for n in global_names(c)} if names else set()
+                    used = frozenset(id(at[n]) for n in names & loaded)
                     found.append((f"{module_name}.{name}", used))
     return found
+
+
+def global_names(code):
+    """Return the global names in code, and not those of attributes, as of `np.cross`."""
+    return {i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"}
 
 
 def nested(code):
