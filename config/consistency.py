@@ -390,7 +390,7 @@ def _news(config: CellConfig) -> Iterator[str]:
         ("speed", base.speed),
         ("angular_speed", base.angular_speed),
         ("acceleration", rim),
-        ("angular_acceleration", 2.0 * rim / base.wheels.track),
+        ("angular_acceleration", 2.0 * rim / base.wheels.turning_track),
     ):
         value = getattr(told, key)
         if value < goes:

@@ -128,7 +128,11 @@ class BackboneSection(Section):
 
 
 class WheelsSection(Section):
-    """The two driven wheels of a base: joints of the URDF that turn for ever."""
+    """The driven wheels of a base, one on each side: joints of the URDF that turn for ever.
+
+    Wheels on more than one axle skid as the base turns, so that it turns as if it were wider
+    (Mandow et al. 2007: the instantaneous centres of its sides are farther apart than its wheels).
+    """
 
     left: Name = Field(
         description="joint of the left wheel; it turns about the Base's y axis, or against it"
@@ -136,12 +140,41 @@ class WheelsSection(Section):
     right: Name = Field(description="joint of the right wheel")
     radius: float = Field(gt=0.01, le=2, description="radius of either wheel [m]")
     track: float = Field(gt=0.05, le=5, description="between their points of contact [m]")
+    followers: tuple[Name, ...] = Field(
+        (),
+        max_length=8,
+        description="joints of further wheels, which a belt, chain or gear turns with the driven "
+        "one of their side; they have no drives",
+    )
+    slip_factor: float = Field(
+        1.0,
+        ge=1,
+        le=10,
+        description="the base turns as if its track were so many times as wide: 1 for two wheels "
+        "that roll; measured, where wheels skid as it turns [1]",
+    )
+
+    centre: float = Field(
+        0.0,
+        ge=-2,
+        le=2,
+        description="the base turns on the spot about a point so far ahead of Base: 0 for two "
+        "wheels that roll; measured, where wheels skid, towards the heavier end [m]",
+    )
 
     @model_validator(mode="after")
-    def _two(self) -> "WheelsSection":
+    def _differ(self) -> "WheelsSection":
         if self.left == self.right:
             raise ValueError(f"left and right are one joint: '{self.left}'")
+        names = (self.left, self.right, *self.followers)
+        if (twice := next((n for n in names if names.count(n) > 1), None)) is not None:
+            raise ValueError(f"followers: '{twice}' is named twice")
         return self
+
+    @property
+    def turning_track(self) -> float:
+        """Distance between the centres of turning of the two sides [m]."""
+        return self.slip_factor * self.track
 
 
 PostureObjective = Literal[
@@ -181,7 +214,7 @@ class DrivenSection(Section):
 
 
 class DifferentialBaseSection(DrivenSection):
-    """A base with two driven wheels on one axle; Base is midway between them.
+    """A base with a driven wheel on either side; Base is midway between its wheels.
 
     Its x axis points ahead, its z axis up; it is on the floor, or as high above it as
     `T_world_base` says. The wheels' drives are in CSV, whatever the arm's are.

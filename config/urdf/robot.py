@@ -356,29 +356,50 @@ def root_joint(
 ) -> tuple[UrdfJoint, tuple[float, ...]]:
     """Return a joint of the root link or of links held on it, and its axis (3,) in the root link.
 
+    `where` is file and key that name it; what the joint's limits leave out, its drive says. Raises
+    `ConfigError`.
+    """
+    element, axis, _ = _on_root(where, robot, name)
+    return _joint(element, robot.urdf, drive), axis
+
+
+def axle_of(robot: Robot, name: str) -> tuple[float, ...]:
+    """Return where a joint of the root link turns, in the root link (3,) [m].
+
+    Raises `ConfigError` for one that is elsewhere.
+    """
+    return _on_root("axle", robot, name)[2]
+
+
+def _on_root(
+    where: str, robot: Robot, name: str
+) -> tuple[ET.Element, tuple[float, ...], tuple[float, ...]]:
+    """Return a joint of the root link, or of links held on it, its axis and its place (3,) there.
+
     Held are links on fixed joints, on joints that carry the chain and are none of it, and on
-    prismatic ones, as suspensions are. `where` is file and key that name it; what the joint's
-    limits leave out, its drive says. Raises `ConfigError`.
+    prismatic ones, as suspensions are.
     """
     root, urdf = robot.tree(), robot.urdf
     joints, chain = root.findall("joint"), {joint.name for joint in robot.joints}
     carrying = carriers(root, robot.first_link)
     children = {_end(joint, "child", urdf) for joint in joints}
-    turned = {link.get("name", ""): np.eye(3) for link in root.findall("link")
-              if link.get("name") not in children}  # fmt: skip
+    held = {link.get("name", ""): (np.eye(3), np.zeros(3)) for link in root.findall("link")
+            if link.get("name") not in children}  # fmt: skip
     found: dict[str, ET.Element] = {}
-    waiting = list(turned)
+    waiting = list(held)
     while waiting:
         link = waiting.pop()
+        R, p = held[link]
         for joint in joints:
             if _end(joint, "parent", urdf) != link:
                 continue
             child, kind = _end(joint, "child", urdf), joint.get("type", "")
             if kind != "fixed":
                 found[joint.get("name", "")] = joint
-            held = joint.get("name") not in chain and (child in carrying or kind == "prismatic")
-            if kind == "fixed" or held:
-                turned[child] = turned[link] @ origin_of(joint)[0]
+            carries = child in carrying or kind == "prismatic"
+            if kind == "fixed" or (joint.get("name") not in chain and carries):
+                turn, shift = origin_of(joint)
+                held[child] = R @ turn, p + R @ shift
                 waiting.append(child)
     if name not in found:
         raise ConfigError(
@@ -388,9 +409,11 @@ def root_joint(
     element = found[name]
     axis = element.find("axis")
     along = floats("1 0 0" if axis is None else axis.get("xyz", ""))
-    along = turned[_end(element, "parent", urdf)] @ origin_of(element)[0] @ along
+    R, p = held[_end(element, "parent", urdf)]
+    turn, shift = origin_of(element)
+    along = R @ turn @ along
     along = along / max(float(np.linalg.norm(along)), 1e-12)
-    return _joint(element, urdf, drive), tuple(along.round(6).tolist())
+    return element, tuple(along.round(6).tolist()), tuple((p + R @ shift).tolist())
 
 
 def beside_chain(
@@ -461,17 +484,23 @@ def with_wheels(
     base = config.mechanism.base
     if base is None:
         return config, robot
-    found = []
-    for side in ("left", "right"):
-        name = getattr(base.wheels, side)
-        where = f"{path}: {words(f'mechanism.base.wheels.{side}')}"
-        drive = next((d for d in config.mechanism.drives if d.joint == name), None)
-        joint, axis = root_joint(where, robot, name, drive)
-        if joint.kind != "continuous" or abs(axis[1]) < ALONG_AXLE:
+    drives, found = {drive.joint: drive for drive in config.mechanism.drives}, []
+    keys = {"left": base.wheels.left, "right": base.wheels.right}
+    keys |= {f"followers[{i}]": name for i, name in enumerate(base.wheels.followers)}
+    for key, name in keys.items():
+        where = f"{path}: {words(f'mechanism.base.wheels.{key}')}"
+        element, axis, _ = _on_root(where, robot, name)
+        if element.get("type") != "continuous" or abs(axis[1]) < ALONG_AXLE:
             raise ConfigError(
                 f"{where}: value '{name}': must be of type continuous, about axis 0 1 0 of Base "
                 "or 0 -1 0"
             )
-        joint = replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER)
-        found.append(replace(joint, reversed=axis[1] < 0.0))
+        if name not in base.wheels.followers:
+            joint = _joint(element, robot.urdf, drives.get(name))
+            joint = replace(joint, lower=-TURNS_FOR_EVER, upper=TURNS_FOR_EVER)
+            found.append(replace(joint, reversed=axis[1] < 0.0))
+        elif name in drives:
+            raise ConfigError(
+                f"{where}: value '{name}': must have no drive: its side's driven wheel turns it"
+            )
     return beside_chain(config, robot, before=tuple(found))

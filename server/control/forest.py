@@ -569,7 +569,7 @@ class Branch:
                 # eq. 6, its first two columns.
                 side = 1.0 if i else -1.0
                 parts[i, 0] = np.eye(3, 4)
-                parts[i, 0, 1, 3] = side * 0.5 * self.rolling.track
+                parts[i, 0, :2, 3] = self.rolling.centre, side * 0.5 * self.rolling.track
                 axes[i] = 0.0, 0.0, side * self.rolling.turn
             else:
                 K = pin.skew(angular)

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ...config.load import Cell
+from ...config.schema.mechanism import WheelsSection
 from .compiled import MATRIX, NUMBER, ROW, TABLE, VECTOR, compiled
 from .scene import Body, Index
 from .spatial import Array, Pose, pose_error, rotation_exp, sizes
@@ -57,7 +58,9 @@ class DrivenWheels(NamedTuple):
 # Zhang et al. 2013, eqs. 1 to 6, with wheel angles in place of v and ω. A wheel that turns
 # alone turns the base about the point where the other one stands: so its column in a Jacobian
 # is that of a revolute joint there, whose axis is as long as the base turns per radian of the
-# wheel.
+# wheel. Where wheels on several axles skid, that point is farther out by the cell's slip factor,
+# and ahead or behind where the load is uneven (the instantaneous centres of rotation of either
+# side: Martínez et al. 2005, Mandow et al. 2007); all else is the same.
 
 
 class Rolled(Pose):
@@ -87,13 +90,21 @@ class DifferentialDrive(NamedTuple):
     radius: float
     """[m]"""
     track: float
-    """Between their points of contact [m]."""
+    """Between the points about which the base turns when one of them turns alone [m]: their points
+    of contact; where wheels skid, farther out."""
+    centre: float = 0.0
+    """Those points are so far ahead of Base [m]."""
+
+    @classmethod
+    def of(cls, wheels: WheelsSection) -> Self:
+        """Return those of a cell's section."""
+        return cls(wheels.radius, wheels.turning_track, wheels.centre)
 
     @classmethod
     def from_cell(cls, cell: Cell) -> "DifferentialDrive | None":
         """Return those of a cell's mechanism; None for one that stands."""
         base = cell.config.mechanism.base
-        return None if base is None else cls(base.wheels.radius, base.wheels.track)
+        return None if base is None else cls.of(base.wheels)
 
     @property
     def turn(self) -> float:
@@ -120,7 +131,7 @@ class DifferentialDrive(NamedTuple):
         """
         R, p = np.empty((3, 3)), np.empty(3)
         way = wheels - at.wheels
-        _roll(at.R, at.p, way, 0.5 * self.radius, self.turn, R, p)
+        _roll(at.R, at.p, way, 0.5 * self.radius, self.turn, self.centre, R, p)
         return Rolled.at(Pose(R, p), wheels)
 
     def places(self, at: Rolled, wheels: Array) -> tuple[Array, Array]:
@@ -135,16 +146,27 @@ class DifferentialDrive(NamedTuple):
         return R, p
 
 
-@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, TABLE, ROW)
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER, TABLE, ROW)
 def _roll(
-    R: Array, p: Array, way: Array, half: float, turn: float, R_new: Array, p_new: Array
+    R: Array,
+    p: Array,
+    way: Array,
+    half: float,
+    turn: float,
+    centre: float,
+    R_new: Array,
+    p_new: Array,
 ) -> None:
-    """Write where a base at R, p gets to as its wheels turn by `way` (2,) [rad]."""
+    """Write where a base at R, p gets to as its wheels turn by `way` (2,) [rad].
+
+    What rolls along an arc is the point `centre` [m] ahead of it.
+    """
     s, b = half * (way[0] + way[1]), turn * (way[1] - way[0])
     h = 0.5 * b
     chord = s * (math.sin(h) / h if abs(h) > 1e-6 else 1.0 - h * h / 6.0)
-    x, y = chord * math.cos(h), chord * math.sin(h)
     c, d = math.cos(b), math.sin(b)
+    x = chord * math.cos(h) + centre * (1.0 - c)
+    y = chord * math.sin(h) - centre * d
     for i in range(3):
         p_new[i] = p[i] + x * R[i, 0] + y * R[i, 1]
         R_new[i, 0] = c * R[i, 0] + d * R[i, 1]

@@ -452,7 +452,8 @@ def test_xml_that_blows_up_is_refused(small):
     [n for n in shipped("cells") if n not in ("ranger", "planar3") and not n.startswith("snake")],
 )
 def test_every_shipped_arm_that_can_be_bought_says_what_it_is_rated_for(name):
-    rated = {"pa10": 10.0, "ur5e": 5.0, "gantry": 5.0, "rover": 3.0, "rover_scan": 3.0}
+    rated = {"pa10": 10.0, "ur5e": 5.0, "gantry": 5.0}
+    rated |= {"rover": 3.0, "rover_scan": 3.0, "rover_skid": 3.0}
     cell = load_cell(name)
     assert cell.config.mechanism.rated_payload == rated[cell.robot.urdf.stem]
 

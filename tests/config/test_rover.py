@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import ConfigError, load_cell
 from telerobot.drivers.rig.physics.scene import build_model
+from telerobot.drivers.rig.physics.world import World
 
 
 def two(first, second):
@@ -175,3 +176,59 @@ def test_a_base_with_a_contour_ahead_does_not_move_by_itself(cell):
 def test_a_base_takes_part_in_objectives_of_the_arms_posture_alone(cell):
     with pytest.raises(ConfigError, match=r"mechanism.base.objectives\[0\]: .*'along'"):
         cell('extends = "rover"\n[mechanism.base]\nobjectives = ["along"]')
+
+
+@pytest.mark.parametrize(
+    ("wheels", "words"),
+    [
+        ('followers = ["wheel_left"]', "wheels: followers: 'wheel_left' is named twice"),
+        (
+            'followers = ["wheel_left_back"]',
+            "wheels.followers[0]: value 'wheel_left_back': no joint on the root link",
+        ),
+        ('followers = ["j1"]', "wheels.followers[0]: value 'j1': must be of type continuous"),
+        ("slip_factor = 0.9", "wheels.slip_factor: value 0.9: "),
+    ],
+)
+def test_wheels_that_follow_are_wheels_of_the_base_without_a_drive(cell, wheels, words):
+    with pytest.raises(ConfigError) as refused:
+        cell(f'extends = "rover_skid"\n[mechanism.base.wheels]\n{wheels}')
+    assert words in str(refused.value)
+
+
+def test_a_wheel_that_follows_has_no_drive(cell):
+    text = load_cell("rover").path.read_text().replace('urdf = "rover"', 'urdf = "rover_skid"')
+    drive = text[text.index("[[mechanism.drives]]") :].split("\n\n")[0]
+    drive = drive.replace("wheel_left", "wheel_left_rear").replace("node = 1", "node = 30")
+    text = text.replace("track = 0.50 }", 'track = 0.50, followers = ["wheel_left_rear"] }')
+    with pytest.raises(ConfigError) as refused:
+        cell(text.replace("[[mechanism.drives]]", f"{drive}\n\n[[mechanism.drives]]", 1))
+    words = "wheels.followers[0]: value 'wheel_left_rear': must have no drive"
+    assert words in str(refused.value)
+
+
+def test_wheels_that_follow_turn_with_the_driven_one_of_their_side_and_slip_with_it():
+    cell = load_cell("rover_skid")
+    world = World(cell)
+    for joint in range(world.n):
+        world.set_brake(joint, closed=joint > 1)
+    for _ in range(300):
+        world.step(np.array([20.0, -20.0, *[0.0] * 7]))
+    speed = {
+        name: float(world.data.joint(name).qvel[0])
+        for name in ("wheel_left", "wheel_left_rear", "wheel_right", "wheel_right_rear")
+    }
+    assert speed["wheel_left"] > 0.05
+    assert speed["wheel_right"] < -0.05
+    for side in ("wheel_left", "wheel_right"):
+        assert speed[f"{side}_rear"] == pytest.approx(speed[side], abs=0.05)
+
+    def grips() -> list[float]:
+        names = ("wheel_left_tyre", "wheel_left_tyre_wheel_left_rear", "wheel_right_tyre")
+        return [float(world.model.geom(name).friction[0]) for name in names]
+
+    before = grips()
+    world.set_grip(0, 0.01)
+    assert grips() == [0.01, 0.01, before[2]]
+    world.set_grip(0)
+    assert grips() == before

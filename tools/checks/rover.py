@@ -9,6 +9,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection, ScannerSection
+from ...config.urdf.robot import axle_of
 from ...server.control.forest import Forest
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.scene import Flags
@@ -298,6 +299,8 @@ def sweep(cell: Cell) -> Iterator[Finding]:
 
 
 # --- Check of a base's wheels: their places in the URDF, and the speeds that driving takes --------
+LIKE: Final = 0.01
+"""Wheels on axles that are less apart, per radius, are on one [1]."""
 NOTICE_OFF, MOST_OFF = 0.01, 0.05
 """A radius or track that is wrong by these shares spoils the odometry by as much [1]."""
 
@@ -308,6 +311,8 @@ def wheels(cell: Cell) -> Iterator[Finding]:
     if base is None or rolling is None:
         return
     yield _places(cell, base)
+    if base.wheels.followers:
+        yield _skid(cell, base)
     yield _wheel_speed(cell, base, rolling)
 
 
@@ -316,13 +321,15 @@ def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
 
     Base is as high above the floor as `T_world_base` says.
     """
-    model, told = Forest(cell).branches[0].model, base.wheels
-    left, right = (
-        model.jointPlacements[model.getJointId(name)].translation
-        for name in (told.left, told.right)
+    told, places = base.wheels, _axles(cell, base)
+    x, y, _ = places.mean(axis=0).tolist()
+    sides = np.concatenate(([1.0, -1.0], np.sign(places[2:, 1])))
+    tracks = 2.0 * sides * (places[:, 1] - y)
+    radii = places[:, 2] + cell.config.mechanism.T_world_base.xyz[2]
+    track, radius = (
+        float(values[np.argmax(np.abs(values - wished))])
+        for values, wished in ((tracks, told.track), (radii, told.radius))
     )
-    x, y, z = (0.5 * (left + right)).tolist()
-    track, radius = float(left[1] - right[1]), z + cell.config.mechanism.T_world_base.xyz[2]
     beside = max(abs(x), abs(y)) / told.track
     off = max(abs(track / told.track - 1.0), abs(radius / told.radius - 1.0), beside)
     return Finding(
@@ -332,6 +339,34 @@ def _places(cell: Cell, base: DifferentialBaseSection) -> Finding:
         f"middle at x {x:g}, y {y:g} m of Base; track {told.track:g} and radius {told.radius:g} "
         f"in the cell: {off:.1%} off, at most {MOST_OFF:.0%}",
         {"urdf_track": track, "urdf_radius": radius, "off": off, "limit": MOST_OFF},
+    )
+
+
+def _axles(cell: Cell, base: DifferentialBaseSection) -> Array:
+    """Return the places (k, 3) of the wheels' axles in Base [m]."""
+    wheels = base.wheels
+    names = (wheels.left, wheels.right, *wheels.followers)
+    return np.array([axle_of(cell.robot, name) for name in names])
+
+
+def _skid(cell: Cell, base: DifferentialBaseSection) -> Finding:
+    """Judge the slip factor of wheels on several axles, which skid where the base turns.
+
+    With Coulomb friction and equal loads it is 1 + (L / b)² for two axles L apart and a track b;
+    no wheels on several axles turn a base that is no wider than its track.
+    """
+    told, ahead = base.wheels, _axles(cell, base)[:, 0]
+    length = float(ahead.max() - ahead.min())
+    guess = 1.0 + (length / told.track) ** 2
+    skids = length > LIKE * told.radius
+    status = Severity.WARN if skids and told.slip_factor == 1.0 else Severity.OK
+    return Finding(
+        "base skid",
+        status,
+        f"slip_factor {told.slip_factor:g}; axles {length:.3g} m apart on a track of "
+        f"{told.track:g} m make about {guess:.3g} on an even floor: measure it, the heading is off "
+        "by as much",
+        {"slip_factor": told.slip_factor, "expected": guess},
     )
 
 

@@ -121,7 +121,7 @@ def inject_at_joint(fault: RigFault, world: World, joint: int, drive: DriveSecti
         world.set_extra_friction(joint, torque if fault.on else 0.0)
     elif fault.kind == "slip":
         friction = value_of(fault, 0.0, GRIP, "", default=0.05)
-        world.set_grip(joint, friction if fault.on else GRIP)
+        world.set_grip(joint, friction if fault.on else None)
     elif fault.kind == "push":
         world.push_joint(joint, vector_of(fault, MOST_FORCE, "N") if fault.on else None)
     else:

@@ -1,7 +1,7 @@
 """What moves in the virtual world: a platform under the arm, the Carrier, a chassis that drives."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -100,11 +100,14 @@ class Movers:
             mover.step()
 
 
-# --- A chassis that drives: a free body on two driven wheels and two casters, on a floor ----------
+# --- A chassis that drives: a free body on wheels, and on casters where they are two, on a floor --
 #
 # The wheels touch the floor as ellipsoids, in one point: cylinders touch along a line, scrub
 # where the base turns, and odometry is half a metre off after five. The casters are balls
-# without friction.
+# without friction. Wheels that follow a driven one are tyres on axles of their own, coupled to it:
+# their links keep mass and shape. With Coulomb friction and equal loads, wheels on two axles L
+# apart with a track b turn the base as if it were 1 + (L / b)² as wide: the friction of each is
+# against its slip, and the moments of what slips ahead and aside balance.
 
 FLOOR: Final = "floor"
 """Geom that wheels, casters and the arm stand on and touch; it is no obstacle."""
@@ -114,8 +117,12 @@ CHASSIS: Final = 8
 """Contact group of the chassis, which touches all that an arm does but the floor."""
 FREE: Final = "base_free"
 """Joint of the chassis: place and quaternion of Base in World."""
+TYRE: Final = "_tyre"
+"""Geoms of a side's wheels begin with the driven joint's name and this."""
 GRIP: Final = 0.9
-"""Friction of the wheels on the floor [1]."""
+"""Friction of wheels that roll on the floor [1]."""
+_SKIDS: Final = 0.6
+"""The same of wheels that slide over it as the base turns [1]."""
 
 _HALF_WIDTH: Final = 0.4
 """Half the width of a wheel's ellipsoid, per radius [1]."""
@@ -123,36 +130,60 @@ _CASTER_RADIUS: Final = 0.04
 _CASTERS_APART: Final = 0.6
 """Casters are so far before and behind the axle, per track [1]."""
 _SOLREF: Final = (0.008, 1.0)
+_SOFT_SOLREF: Final = (0.04, 1.0)
+"""Of tyres on several axles: hard ones rock the chassis, and touch the floor by turns."""
+_TYRE_MASS: Final = 0.1
+_TYRE_INERTIA: Final = 0.02
+"""Of a wheel that follows a driven one, about its axle [kg·m²]; its link has its mass [kg]."""
+_BELT_SOLREF: Final = (0.004, 1.0)
 
 
-def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection, height: float) -> None:
+def put_on_wheels(
+    arm: mujoco.MjSpec,
+    base: DifferentialBaseSection,
+    height: float,
+    axles: Mapping[str, tuple[float, ...]],
+) -> None:
     """Let the root of an arm drive, so high above the floor [m].
 
-    Raises `ValueError` where a wheel has no body.
+    `axles` are where in Base followers turn (3,) [m], by joint. Raises `ValueError` where a wheel
+    has no body.
     """
-    root, wheels = arm.worldbody.first_body(), base.wheels
+    root, wheels, tyres = arm.worldbody.first_body(), base.wheels, list[mujoco.MjsGeom]()
     root.add_joint(name=FREE, type=mujoco.mjtJoint.mjJNT_FREE)
     for name in (wheels.left, wheels.right):
         body = arm.joint(name).parent
         for shape in body.geoms:
             shape.contype = shape.conaffinity = 0
-        tyre = body.add_geom(
-            name=f"{name}_tyre",
-            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-            size=(wheels.radius, _HALF_WIDTH * wheels.radius, wheels.radius),
-            density=0,
-        )
+        tyre = _tyre(body, f"{name}{TYRE}", wheels.radius)
+        tyres.append(tyre)
         axis = np.array(arm.joint(name).axis)
         axis = axis if axis[1] >= 0.0 else -axis
         if axis[1] < 0.99:  # the tyre's y axis along the wheel's
             turn = np.array([1.0 + axis[1], axis[2], 0.0, -axis[0]])
             tyre.quat = turn / np.linalg.norm(turn)
-        _rolls(tyre, GRIP)
+    for name, place in axles.items():
+        driven = wheels.left if place[1] > 0.0 else wheels.right
+        body = root.add_body(name=f"{name}_axle", pos=place)  # behind the arm's, in the model
+        body.mass, body.explicitinertial, body.inertia[:] = _TYRE_MASS, True, [_TYRE_INERTIA] * 3
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
+        tyres.append(_tyre(body, f"{driven}{TYRE}_{name}", wheels.radius))
+        belt = arm.add_equality(
+            name=f"{name}_belt",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=name,
+            name2=driven,
+        )
+        belt.data[1] = 1.0
+        belt.solref[:], belt.solimp[:] = _BELT_SOLREF, SOLIMP
+    for tyre in tyres if axles else ():
+        tyre.solref[:], tyre.priority, tyre.friction[0] = _SOFT_SOLREF, 1, _SKIDS
     for body in _welded(root):  # capsules reach below it where a chassis is flat
         for shape in body.geoms:
             shape.contype &= ~ARM
             shape.contype |= CHASSIS
-    for side in (-1.0, 1.0):
+    for side in (-1.0, 1.0) if not axles else ():
         ball = root.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=(_CASTER_RADIUS, 0.0, 0.0),
@@ -160,6 +191,18 @@ def put_on_wheels(arm: mujoco.MjSpec, base: DifferentialBaseSection, height: flo
             density=0,
         )
         _rolls(ball, 0.0)
+
+
+def _tyre(body: mujoco.MjsBody, name: str, radius: float) -> mujoco.MjsGeom:
+    """Add what touches the floor of a wheel that turns about the body's y axis."""
+    tyre = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        size=(radius, _HALF_WIDTH * radius, radius),
+        density=0,
+    )
+    _rolls(tyre, GRIP)
+    return tyre
 
 
 def _welded(body: mujoco.MjsBody) -> Iterator[mujoco.MjsBody]:

@@ -8,6 +8,7 @@ from ....config.load import Cell, ConfigError
 from ....config.schema.mechanism import MechanismSection
 from ....config.schema.rig import RigSection, WallSection
 from ....config.schema.section import PoseSection
+from ....config.urdf.robot import axle_of
 from .beam import add_beam
 from .bodies import add_bridge, add_hole, add_peg, add_person, add_solid, add_tunnel, attitude
 from .clearance import TOOL_BALL, WALL, add_probe
@@ -133,7 +134,8 @@ def _arm_of(part: Cell) -> mujoco.MjSpec:
     exclude_contacts(arm, part)
     _furnish_arm(arm, mechanism, rig)
     if mechanism.base is not None:
-        put_on_wheels(arm, mechanism.base, mechanism.T_world_base.xyz[2])
+        axles = {name: axle_of(part.robot, name) for name in mechanism.base.wheels.followers}
+        put_on_wheels(arm, mechanism.base, mechanism.T_world_base.xyz[2], axles)
     root = arm.worldbody.first_body()
     root.pos[:], root.quat[:] = mechanism.T_world_base.xyz, quaternion(mechanism.T_world_base)
     return arm

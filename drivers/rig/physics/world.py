@@ -21,7 +21,7 @@ from .brakes import Brakes
 from .clearance import WorldDistances
 from .contacts import Contacts
 from .geoms import quaternion
-from .movers import GRIP
+from .movers import TYRE
 from .scene import HELD, PLATFORM, POINT_INERTIA, WALL_SLIDE, build_model, prefixes
 
 Vector = NDArray[np.float64]
@@ -89,6 +89,8 @@ class World:
             self.beam.grasp()
             roots = [*roots, self.beam.body]
         steps = round(cell.config.timing.period_s / self.dt)
+        self._grip = self.model.geom_friction[:, 0].copy()
+        """Friction of all geoms at the start [1]."""
         self.contacts = Contacts(self.model, self.data, self._fixed, roots, steps)
         """Of the arms, in the cell's order, and of the payload after them."""
         mujoco.mj_forward(self.model, self.data)
@@ -145,16 +147,16 @@ class World:
         """Add Coulomb friction [N·m] to a joint's own; 0 takes it back."""
         self.brakes.stick(joint, torque)
 
-    def set_grip(self, joint: int, friction: float = GRIP) -> None:
-        """Change how a wheel grips the floor: its friction [1]. Raises `ValueError` for another."""
-        tyre = mujoco.mj_name2id(
-            self.model,
-            mujoco.mjtObj.mjOBJ_GEOM,
-            f"{self.model.joint(self._names[joint]).name}_tyre",
-        )
-        if tyre < 0:
+    def set_grip(self, joint: int, friction: float | None = None) -> None:
+        """Change how a wheel, and what follows it, grips the floor: their friction [1].
+
+        None: as at the start. Raises `ValueError` for another joint.
+        """
+        first = self.model.joint(self._names[joint]).name + TYRE
+        tyres = [g for g in range(self.model.ngeom) if self.model.geom(g).name.startswith(first)]
+        if not tyres:
             raise ValueError(f"fault slip: {self._names[joint]} is no wheel")
-        self.model.geom_friction[tyre, 0] = friction
+        self.model.geom_friction[tyres, 0] = self._grip[tyres] if friction is None else friction
 
     def grasp(self, closed: bool, arm: int = 0) -> None:
         """Take hold of an arm's object, where it is, or let go of it."""

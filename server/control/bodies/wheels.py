@@ -147,7 +147,7 @@ class WheeledArm(DrivenArm):
     ) -> None:
         """Build it."""
         super().__init__(WHEELS, section, p, mechanism, redundancy, field)
-        self._rolling = DifferentialDrive(section.wheels.radius, section.wheels.track)
+        self._rolling = DifferentialDrive.of(section.wheels)
         self.relief[WHEELS] = 0.0
 
     @classmethod

@@ -251,7 +251,8 @@ class Capsules:
                 lever[parent] = way = way + self._steps[joint]
                 joint = parent
             if forest.rolling is not None and forest.gear is not None:
-                far = way + float(self._from_root[joint]) + 0.5 * forest.rolling.track
+                turns = math.hypot(forest.rolling.centre, 0.5 * forest.rolling.track)
+                far = way + float(self._from_root[joint]) + turns
                 lever[:2] = far * forest.gear[:2]
         prismatic = forest.tree.prismatic
         lever[prismatic] = np.minimum(lever[prismatic], 1.0)

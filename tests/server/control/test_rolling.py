@@ -51,15 +51,17 @@ def somewhere(draw, cell):
     return q, T
 
 
-def test_the_jacobian_is_the_slope_of_the_tools_pose_at_any_posture(cell, mechanism):
-    draw, h = np.random.default_rng(1), 1e-5
+@pytest.mark.parametrize("name", ["rover", "rover_skid"])
+def test_the_jacobian_is_the_slope_of_the_tools_pose_at_any_posture(name):
+    draw, h, cell = np.random.default_rng(1), 1e-5, load_cell(name)
+    mechanism, rolling = Mechanism.from_cell(cell), DifferentialDrive.from_cell(cell)
     T_wrist_mrf = Pose(rotation_rpy(0.3, -0.2, 0.5), np.array([0.05, -0.02, 0.14]))
     for _ in range(30):
         q, T = somewhere(draw, cell)
         J = mechanism.kinematics(q, T_wrist_mrf, T).J
 
         def pose(q_there, q=q, T=T):
-            base = ROLLING.roll(Rolled.at(T, q[:2]), q_there[:2])
+            base = rolling.roll(Rolled.at(T, q[:2]), q_there[:2])
             return mechanism.pose_wrist(q_there, base) @ T_wrist_mrf
 
         for j in range(9):
@@ -68,16 +70,18 @@ def test_the_jacobian_is_the_slope_of_the_tools_pose_at_any_posture(cell, mechan
             assert np.abs(J[:, j] - slope).max() < 1e-8
 
 
-def test_the_base_rolls_as_its_wheels_and_not_sideways():
+@pytest.mark.parametrize("centre", [0.0, 0.1])
+def test_the_base_rolls_as_its_wheels_and_sideways_only_about_its_centre(centre):
     """By the velocities of Zhang 2013, eq. 3, in steps of a hundred-thousandth of the way."""
     way, n = np.array([9.0, 14.0]), 100_000
     x = y = yaw = 0.0
     v, w = 0.5 * 0.12 * way.sum() / n, 0.12 / 0.5 * (way[1] - way[0]) / n
     for _ in range(n):
-        x += v * math.cos(yaw + 0.5 * w)
-        y += v * math.sin(yaw + 0.5 * w)
+        c, s = math.cos(yaw + 0.5 * w), math.sin(yaw + 0.5 * w)
+        x += v * c + centre * w * s
+        y += v * s - centre * w * c
         yaw += w
-    R, p = ROLLING.roll(Rolled.at(Pose.identity(), np.zeros(2)), way)
+    R, p = ROLLING._replace(centre=centre).roll(Rolled.at(Pose.identity(), np.zeros(2)), way)
     assert p == pytest.approx([x, y, 0.0], abs=1e-8)
     assert math.atan2(R[1, 0], R[0, 0]) == pytest.approx(math.remainder(yaw, 2 * math.pi), abs=1e-9)
 

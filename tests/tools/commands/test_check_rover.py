@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from telerobot.config.load import HERE, load_cell
+from telerobot.config.load import HERE, altered, load_cell
 from telerobot.tools.checks.cell import bus_load, worst_case_bits
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
@@ -131,6 +131,22 @@ def test_a_base_that_is_not_midway_between_its_wheels_is_told(changed, tmp_path)
     found = changed(('urdf = "rover_scan"', 'urdf = "./aft.urdf"'), checks=[wheels])["base wheels"]
     assert found.status is Severity.ERROR
     assert found.values["off"] == pytest.approx(0.2)
+
+
+def test_wheels_that_skid_and_have_no_slip_factor_are_told(tmp_path):
+    """Closed form: axles 0.4 m apart on a track of 0.5 m."""
+    skids = load_cell("rover_skid")
+    found = {f.check: f for f in wheels(skids)}
+    assert {f.status for f in found.values()} == {Severity.OK}
+    assert found["base skid"].values["expected"] == pytest.approx(1.64)
+    rolls = altered(skids, {"mechanism.base.wheels.slip_factor": 1.0})
+    assert {f.check: f for f in wheels(rolls)}["base skid"].status is Severity.WARN
+    urdf = skids.robot.urdf.read_text()
+    assert 'xyz="-0.2 0.25 0.12"' in urdf
+    (tmp_path / "bent.urdf").write_text(urdf.replace("-0.2 0.25 0.12", "-0.2 0.30 0.12"))
+    path = tmp_path / "cell.toml"
+    path.write_text('extends = "rover_skid"\n[mechanism]\nurdf = "./bent.urdf"')
+    assert next(f for f in wheels(load_cell(path))).status is Severity.ERROR
 
 
 def test_an_arm_in_the_scanners_view_hides_cells(changed):
