@@ -10,8 +10,7 @@ from telerobot.drivers.rig.nodes.canopen import CanNode
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Object
 from telerobot.tools.checks.findings import Severity
-from telerobot.tools.checks.hardware.trial import rules, try_drive
-from telerobot.tools.checks.hardware.tried_drive import Rule, TriedDrive
+from telerobot.tools.checks.hardware.trial import Rule, TriedDrive, rules, try_drive
 
 from ..rig.on_a_bus import OnABus
 

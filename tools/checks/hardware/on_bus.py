@@ -8,13 +8,14 @@ from ....config.load import Cell
 from ....config.schema.bus import CanOpenNodeSection, Entry
 from ....config.schema.mechanism import DriveSection
 from ....drivers.canopen.sdo import SdoAbortError, SdoClient, SdoSilenceError, wait_for
+from ....drivers.canopen.servo_setup import to_radians
 from ....drivers.device import DeviceError
 from ....drivers.fieldbus import Fieldbus, Fieldbuses, open_buses
 from ....protocols.canopen import can301, cia402
 from ....protocols.canopen.can301 import CommunicationObject as Com
 from ....protocols.canopen.can301 import FrameError, emcy_name
 from ....protocols.canopen.cia402 import SPAN, DriveState, Object, OperationMode
-from ..findings import Finding, Severity
+from ..findings import Finding, Severity, Value
 
 # --- Nodes on a CAN bus, and what they hold: SDO uploads only; nothing changes, nothing moves -----
 QUIET_S: Final = 0.5  # a control server is heard within so long [s]
@@ -103,28 +104,27 @@ POWER_IS_OFF: Final = (
 def compare(cell: Cell, name: str, drive: DriveSection, found: FoundNode) -> Iterator[Finding]:
     """Judge a drive's state, mode, position, position limits and torques."""
     joint = next(j for j in cell.robot.joints if j.name == drive.joint)
-    endless = drive.joint in cell.config.mechanism.wheels
-    yield _state(name, found)
-    yield _mode(name, found, OperationMode[cell.config.mechanism.mode_of(drive).upper()])
-    if not endless:
-        yield _position(name, drive, found, joint.lower, joint.upper)
-        yield _limits(name, drive, found, joint.lower, joint.upper)
-    yield _torque(name, drive, found)
+    mode = OperationMode[cell.config.mechanism.mode_of(drive).upper()]
+    judged: dict[str, Judged] = {"state": _state(found), "mode": _mode(found, mode)}
+    if drive.joint not in cell.config.mechanism.wheels:
+        judged["position"] = _position(drive, found, joint.lower, joint.upper)
+        judged["607Dh"] = _limits(drive, found, joint.lower, joint.upper)
+    judged["torque"] = _torque(drive, found)
+    for what, (status, text, values) in judged.items():
+        yield Finding(f"{name} {what}", status, text, values)
 
 
-def _radians(drive: DriveSection, counts: int) -> float:
-    return drive.zero_rad + drive.direction * counts / drive.counts_per_radian
+Judged = tuple[Severity, str, dict[str, Value]]
 
 
-def _state(name: str, found: FoundNode) -> Finding:
+def _state(found: FoundNode) -> Judged:
     word, code = found.get(Object.STATUSWORD), found.get(Object.ERROR_CODE) or 0
-    check = f"{name} state"
     if word is None:
-        return Finding(check, Severity.ERROR, "6041h cannot be read: is it a CiA 402 drive?")
+        return Severity.ERROR, "6041h cannot be read: is it a CiA 402 drive?", {}
     try:
         state = cia402.decode_state(word)
     except FrameError as error:
-        return Finding(check, Severity.ERROR, str(error), {"statusword": word})
+        return Severity.ERROR, str(error), {"statusword": word}
     text = state.name.lower().replace("_", " ")
     status = Severity.OK
     if state.in_fault or code:
@@ -132,68 +132,56 @@ def _state(name: str, found: FoundNode) -> Finding:
     elif state not in POWER_IS_OFF:
         status, text = Severity.ERROR, f"{text}: its power is on, and nobody here has asked for it"
     register = found.get(Com.ERROR_REGISTER) or 0
-    return Finding(check, status, text, {"statusword": word, "code": code, "register": register})
+    return status, text, {"statusword": word, "code": code, "register": register}
 
 
-def _mode(name: str, found: FoundNode, mode: OperationMode) -> Finding:
+def _mode(found: FoundNode, mode: OperationMode) -> Judged:
     supported = found.get(Object.SUPPORTED_MODES)
-    check = f"{name} mode"
     if supported is None:
-        return Finding(check, Severity.ERROR, "6502h cannot be read: no mode is known")
+        return Severity.ERROR, "6502h cannot be read: no mode is known", {}
     has = cia402.supports_mode(supported, mode)
     text = f"{mode.name} {'is' if has else 'is not'} among its modes, 6502h {supported:#x}"
-    status = Severity.OK if has else Severity.ERROR
-    return Finding(check, status, text, {"supported": supported})
+    return Severity.OK if has else Severity.ERROR, text, {"supported": supported}
 
 
-def _position(
-    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
-) -> Finding:
-    check = f"{name} position"
+def _position(drive: DriveSection, found: FoundNode, lower: float, upper: float) -> Judged:
     counts = found.get(Object.POSITION_ACTUAL)
     if counts is None:
-        return Finding(check, Severity.ERROR, "6064h cannot be read")
-    angle = _radians(drive, counts)
+        return Severity.ERROR, "6064h cannot be read", {}
+    angle = to_radians(drive, counts)
     text = f"{angle:.4f} rad ({counts} counts), limits {lower:.4g} to {upper:.4g}"
-    inside = lower - LIMIT <= angle <= upper + LIMIT
-    if not inside:
-        text += ": is counts_per_radian, direction or zero_rad wrong?"
-    status = Severity.OK if inside else Severity.ERROR
-    return Finding(check, status, text, {"counts": counts, "angle": angle})
+    values: dict[str, Value] = {"counts": counts, "angle": angle}
+    if lower - LIMIT <= angle <= upper + LIMIT:
+        return Severity.OK, text, values
+    return Severity.ERROR, f"{text}: is counts_per_radian, direction or zero_rad wrong?", values
 
 
-def _limits(
-    name: str, drive: DriveSection, found: FoundNode, lower: float, upper: float
-) -> Finding:
-    check = f"{name} 607Dh"
+def _limits(drive: DriveSection, found: FoundNode, lower: float, upper: float) -> Judged:
     low, high = (found.get(Object.POSITION_LIMIT, sub) for sub in (1, 2))
     if low is None or high is None:
         text = "cannot be read; the daemon writes it before it enables the drive"
-        return Finding(check, Severity.ERROR, text)
-    ends = sorted((_radians(drive, low), _radians(drive, high)))
-    values = {"lower": ends[0], "upper": ends[1]}
+        return Severity.ERROR, text, {}
+    ends = sorted((to_radians(drive, low), to_radians(drive, high)))
+    values: dict[str, Value] = {"lower": ends[0], "upper": ends[1]}
     if low >= high or high - low >= _UNBOUNDED:
         text = f"holds no limits; the daemon will write {lower:.4g} to {upper:.4g} rad"
-        return Finding(check, Severity.OK, text, values)
-    off = max(abs(ends[0] - lower), abs(ends[1] - upper))
+        return Severity.OK, text, values
     text = f"{ends[0]:.4g} to {ends[1]:.4g} rad"
-    if off <= LIMIT:
-        return Finding(check, Severity.OK, text, values)
+    if max(abs(ends[0] - lower), abs(ends[1] - upper)) <= LIMIT:
+        return Severity.OK, text, values
     text += (
         f", the cell says {lower:.4g} to {upper:.4g}: which of them is right, or is the "
         "joint's scale wrong? The daemon writes the cell's"
     )
-    return Finding(check, Severity.ERROR, text, values)
+    return Severity.ERROR, text, values
 
 
-def _torque(name: str, drive: DriveSection, found: FoundNode) -> Finding:
-    check = f"{name} torque"
+def _torque(drive: DriveSection, found: FoundNode) -> Judged:
     rated, most = found.get(Object.RATED_TORQUE), found.get(Object.MAX_TORQUE)
     if not rated:
         text = "6076h cannot be read: what 6077h calls 1000 has to come from the data sheet"
-        return Finding(check, Severity.WARN, text)
+        return Severity.WARN, text, {}
     torque = rated * 1e-3
-    values = {"rated": torque, "max_per_mille": most}
     text = f"6076h {torque:g} N·m, the cell's rated_torque {drive.rated_torque:g} at the joint"
     status = Severity.OK
     if abs(torque - drive.rated_torque) > TORQUE * drive.rated_torque:
@@ -203,7 +191,7 @@ def _torque(name: str, drive: DriveSection, found: FoundNode) -> Finding:
     if bound is not None and bound < drive.max_torque * (1.0 - TORQUE):
         status = Severity.WARN
         text += f"; 6072h stops at {bound:.4g} N·m, below max_torque {drive.max_torque:g}"
-    return Finding(check, status, text, values)
+    return status, text, {"rated": torque, "max_per_mille": most}
 
 
 # --- Compare who is on a cell's buses with the cell: `telerobot check CELL --bus` -----------------
