@@ -12,9 +12,7 @@ import numpy as np
 from ...config.errors import ConfigError, nearest
 from ...config.load import Cell
 from ...protocols import topics as t
-from ...protocols.messages import messages as m
 from ...protocols.messages import requests
-from ...protocols.messages.telemetry import State, TaskState
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Array, Pose
 from ..client.operator import Operator, OperatorError
@@ -25,7 +23,16 @@ from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
 from . import environment
-from .environment import Along, Environment, Leader, Press, PressGuide, propose
+from .environment import (
+    Along,
+    Course,
+    Environment,
+    GaveUpError,
+    Leader,
+    Press,
+    PressGuide,
+    propose,
+)
 from .estimate import AttitudeStop, Estimate, NotIdentified, attitudes, estimate
 
 
@@ -145,58 +152,44 @@ class Guide(Leader):
     stops: list[AttitudeStop]
     joints: slice = field(default_factory=lambda: slice(None))  # its own, among all of the cell
     samples: list[AttitudeMean] = field(default_factory=list)
-    _at: int = -1
-    _arrived_s: float | None = None
-    _heard: list[tuple[tuple[float, ...], m.Vector6]] = field(default_factory=list)
     _allowed: bool = False
 
-    def _run(self, state: State, task: TaskState) -> None:
-        """Average, or go on to the next attitude."""
-        if state.mode != "enabled":
-            self._end(f"mode became {state.mode}")
-        elif self._at < 0:
-            # Its weight is no contact to force control, and no push to collision detection.
-            self._at = 0
-            self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self.mechanism)
-        elif not self._allowed:
-            return
-        elif self._since_s == 0.0:
-            self._to(state, q=tuple(self.stops[self._at].q.tolist()))
-            self._arrived_s = None
-            self._heard.clear()
-        elif self._arrived_s is None and self._arrived(state, task, t.POSTURE):
-            self._arrived_s = state.time_s
-            if not self.stops[self._at].measure:
-                self._next()
-        elif self._arrived_s is None:
-            if state.time_s > self._since_s + ARRIVE_S:
-                self._end(f"posture not reached within {ARRIVE_S:g} s")
-        elif state.time_s >= self._arrived_s + SETTLE_S and task.wrench_sensor is None:
-            self._end("the force/torque sensor is stale or missing")
-        elif state.time_s >= self._arrived_s + SETTLE_S and task.wrench_sensor is not None:
-            self._heard.append((state.q[self.joints], task.wrench_sensor))
-            if state.time_s >= self._arrived_s + SETTLE_S + AVERAGE_S:
-                self._average()
+    def _course(self) -> Course:
+        # Its weight is no contact to force control, and no push to collision detection.
+        self.client.request(t.PAYLOAD, self._on_told, unknown=True, mechanism=self.mechanism)
+        yield
+        while not self._allowed:
+            yield
+        for i, stop in enumerate(self.stops):
+            if i > 0:
+                yield
+            self._to(q=tuple(stop.q.tolist()))
+            if not (yield from self._arriving(t.POSTURE, ARRIVE_S)):
+                raise GaveUpError(f"posture not reached within {ARRIVE_S:g} s")
+            if stop.measure:
+                yield from self._averaged()
+
+    def _averaged(self) -> Course:
+        """Average the sensor at an attitude, once it has settled."""
+        arrived_s = self._state.time_s
+        heard: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
+        while not heard or self._state.time_s < arrived_s + SETTLE_S + AVERAGE_S:
+            yield
+            if self._state.time_s >= arrived_s + SETTLE_S:
+                if self._told.wrench_sensor is None:
+                    raise GaveUpError("the force/torque sensor is stale or missing")
+                heard.append((self._state.q[self.joints], self._told.wrench_sensor))
+        q, wrench = (np.mean(part, axis=0) for part in zip(*heard, strict=True))
+        self.samples.append(AttitudeMean(q, wrench))
+        wanted = sum(stop.measure for stop in self.stops)
+        self.say(f"attitude {len(self.samples)} of {wanted}")
 
     def _on_told(self, reply: requests.Reply) -> None:
         self._allowed = reply.ok
         if not reply.ok:
             self._end(f"{reply.reason}: {reply.detail}")
 
-    def _average(self) -> None:
-        q, wrench = (np.mean(part, axis=0) for part in zip(*self._heard, strict=True))
-        self.samples.append(AttitudeMean(q, wrench))
-        wanted = sum(stop.measure for stop in self.stops)
-        self.say(f"attitude {len(self.samples)} of {wanted}")
-        self._next()
-
-    def _next(self) -> None:
-        self._at += 1
-        self._since_s = 0.0
-        if self._at == len(self.stops):
-            self._end()
-
-    def _end(self, why: str = "") -> None:
+    def _end(self, why: str) -> None:
         super()._end(why)
         if self._allowed:
             self.say("force control waits until the payload is told (operator/payload), or a tare")

@@ -15,9 +15,8 @@ on, so the cell's own model, which `check` judges by, may tell more; the greater
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
-from enum import Enum, auto
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -34,7 +33,15 @@ from ..client.protocol_client import NoLease, ProtocolClient, ignore
 from .estimate import NotIdentified
 
 
-# --- Who leads an arm from state to state: on a daemon, in wall time, or in virtual time ----------
+# --- Who leads an arm, on a daemon or in virtual time: a course that goes on with every state -----
+class GaveUpError(Exception):
+    """A course cannot go on: says why."""
+
+
+Course = Generator[None, None, None]
+"""Steps of a course: it does what is to be done at a state, and yields until the next one."""
+
+
 @dataclass
 class Leader(ABC):
     """Base of what leads one arm, told of every state: it knows no clock but that of the states."""
@@ -46,16 +53,26 @@ class Leader(ABC):
     task: str | None = field(default=None, kw_only=True)
     failure: str = field(default="", init=False)  # reason of a failure
     over: bool = field(default=False, init=False)
-    _since_s: float = field(default=0.0, init=False)
+    _restores: bool = field(default=False, init=False)
+    """True once the rest of the course needs no arm that is enabled."""
     _asked_seq: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self._steps = self._course()
 
     def run(self, state: State) -> None:
         """Take in a state, and lead on."""
         if self.over:
             return
+        self._state, self._told = state, state.of(self.task)
         try:
-            self._run(state, state.of(self.task))
-        except NoLease as error:
+            if state.mode == "enabled" or self._restores:
+                next(self._steps)
+            else:
+                self._steps.throw(GaveUpError(f"mode became {state.mode}"))
+        except StopIteration:
+            self._end(self.failure)
+        except (GaveUpError, NoLease) as error:
             self._end(str(error))
 
     def checked(self) -> Self:
@@ -65,17 +82,29 @@ class Leader(ABC):
         return self
 
     @abstractmethod
-    def _run(self, state: State, task: TaskState) -> None: ...
+    def _course(self) -> Course:
+        """Lead the arm from its first state to the end. Raises `GaveUpError`."""
 
-    def _to(self, state: State, **posture: object) -> None:
+    def _later(self, since_s: float, seconds: float) -> bool:
+        """Return whether it is later than so long after a time [s]."""
+        return self._state.time_s > since_s + seconds
+
+    def _to(self, **posture: object) -> None:
         """Send the arm to a posture."""
         self.client.command(t.POSTURE, mechanism=self.mechanism, **posture)
-        self._asked_seq, self._since_s = self.client.seq, state.time_s
+        self._asked_seq = self.client.seq
 
-    def _arrived(self, state: State, task: TaskState, topic: t.Topic) -> bool:
-        return state.last_seq.get(topic.key, 0) >= self._asked_seq and task.at_goal
+    def _arriving(self, topic: t.Topic, within_s: float) -> Generator[None, None, bool]:
+        """Wait from the next state on until a goal is reached; return whether it was in time."""
+        since_s = self._state.time_s
+        yield
+        while self._state.last_seq.get(topic.key, 0) < self._asked_seq or not self._told.at_goal:
+            if self._later(since_s, within_s):
+                return False
+            yield
+        return True
 
-    def _end(self, why: str = "") -> None:
+    def _end(self, why: str) -> None:
         self.failure, self.over = why, True
 
 
@@ -142,19 +171,6 @@ class Steady:
     measured: float  # [m]
 
 
-class _Step(Enum):
-    SET_OUT = auto()
-    TRAVEL = auto()
-    PREPARE = auto()
-    REST = auto()
-    APPROACH = auto()
-    TOUCH = auto()
-    PRESS = auto()
-    STAND = auto()
-    RETURN = auto()
-    RESTORE = auto()
-
-
 @dataclass
 class PressGuide(Leader):
     """Presses a tool against what is before it."""
@@ -165,9 +181,7 @@ class PressGuide(Leader):
     """States on the way through the air, once the tool has set out."""
     samples: list[Sample] = field(default_factory=list)
     """States from the first press on."""
-    _step: _Step = _Step.SET_OUT
     _replies: int = 0
-    _gain: float = APPROACH_GAIN
     _before: TaskState | None = None
     """The task as it was: its gains and switches are set again at the end."""
     _home: Array = field(default_factory=lambda: np.zeros(6))
@@ -177,190 +191,200 @@ class PressGuide(Leader):
     _lost: int = 0
     _in_contact: bool = False
     _recent: deque[Sample] = field(default_factory=lambda: deque(maxlen=2000))
-    _air: list[tuple[float, ...]] = field(default_factory=list)
 
     # --- from step to step -------------------------------------------------------------------
 
-    def _run(self, state: State, task: TaskState) -> None:
-        if state.mode != "enabled" and self._step is not _Step.RESTORE:
-            self.failure = self.failure or f"mode became {state.mode}"
-            self._restore()
-            return
-        match self._step:
-            case _Step.SET_OUT if self.press.posture is None:
-                self._go(_Step.PREPARE, state)
-            case _Step.SET_OUT:
-                self._go(_Step.TRAVEL, state)
-                self._to(state, posture=self.press.posture)
-            case _Step.TRAVEL if self._arrived(state, task, t.POSTURE):
-                self._go(_Step.PREPARE, state)
-            case _Step.TRAVEL:
-                if state.time_s > self._since_s + ARRIVE_S:
-                    self._end(f"posture {self.press.posture!r} not reached within {ARRIVE_S:g} s")
-            case _Step.PREPARE:
-                self._prepare(state, task)
-            case _Step.RETURN:
-                self._return(state, task)
-            case _Step.RESTORE:
-                if self._replies == 0:
-                    self._end(self.failure)
-            case _:
-                self._pressing(state, task)
+    def _course(self) -> Course:
+        if self.press.posture is not None:
+            self._to(posture=self.press.posture)
+            if not (yield from self._arriving(t.POSTURE, ARRIVE_S)):
+                posture = self.press.posture
+                raise GaveUpError(f"posture {posture!r} not reached within {ARRIVE_S:g} s")
+        yield
+        try:
+            yield from self._prepared()
+            try:
+                yield from self._rested()
+                yield from self._approached()
+                gain = yield from self._touched()
+                for _ in range(2 * PRESSES):
+                    yield from self._pressed(gain)
+            except GaveUpError as error:
+                if self._state.mode != "enabled":
+                    raise
+                self.failure = str(error)
+            yield from self._gone_back()
+        except GaveUpError as error:
+            self.failure = self.failure or str(error)
+        yield from self._restored()
 
-    def _prepare(self, state: State, task: TaskState) -> None:
-        """Make force control gentle, and the only source; then let the arm rest."""
-        if self._before is None:
-            moving = [name for name, twist in task.sources.items() if np.abs(twist).max() > 1e-3]
-            if moving and moving != ["force"]:
-                self._end(f"source {moving[0]} moves the tool: switch it off first")
-                return
-            self._before = task
-            self._home = np.array(task.pose_mrf)
-            axis = self.press.along
-            self._normal = axis.sign * rotation_rpy(*self._home[3:])[:, axis.axis]
-            self._ask(t.FORCE, wrench=(0.0,) * 6)
-            self._soften(APPROACH_GAIN)
-            if not task.on["force"]:
-                self._request(t.SWITCH, source="force", on=True)
-        elif self._replies == 0:
-            self._go(_Step.REST, state)
+    def _prepared(self) -> Course:
+        """Make force control gentle, and the only source."""
+        task = self._told
+        moving = [name for name, twist in task.sources.items() if np.abs(twist).max() > 1e-3]
+        if moving and moving != ["force"]:
+            raise GaveUpError(f"source {moving[0]} moves the tool: switch it off first")
+        self._before = task
+        self._home = np.array(task.pose_mrf)
+        axis = self.press.along
+        self._normal = axis.sign * rotation_rpy(*self._home[3:])[:, axis.axis]
+        self._ask(t.FORCE, wrench=(0.0,) * 6)
+        self._soften(APPROACH_GAIN)
+        if not task.on["force"]:
+            self._request(t.SWITCH, source="force", on=True)
+        yield
+        while self._replies:
+            yield
 
-    def _pressing(self, state: State, task: TaskState) -> None:
-        if task.wrench_mrf is None:
-            self._give_up("the force/torque sensor is stale or missing", state)
-            return
-        wrench = np.array(task.wrench_mrf[:3])
-        sample = self._sample(state, task, wrench)
-        if self._step is not _Step.STAND:
-            self._recent.append(sample)
-        if self._step is _Step.REST:
-            self._rest(state, wrench)
-            return
-        hard, most = float(np.linalg.norm(wrench - self._offset)), BOUND * self.press.force
-        if hard > most:
-            self._give_up(f"force bound reached: {hard:.3g} N of {most:.3g} N", state)
-        elif self._step is _Step.APPROACH:
-            self._approach(state, sample)
-        elif self._step is _Step.TOUCH:
-            self._touch(state, sample)
-        else:
-            self._settle(state, sample)
-
-    def _rest(self, state: State, wrench: Array) -> None:
-        self._air.append(tuple(wrench))
-        if state.time_s < self._since_s + REST_S:
-            return
-        read = np.array(self._air)
+    def _rested(self) -> Course:
+        """Read the sensor's offset and noise in the air; then set out."""
+        since_s, air = self._state.time_s, []
+        yield
+        while True:
+            self._look(bound=math.inf)
+            air.append((self._told.wrench_mrf or ())[:3])
+            if self._state.time_s >= since_s + REST_S:
+                break
+            yield
+        read = np.array(air)
         self._offset, noise = read.mean(axis=0), float(read.std(axis=0).max())
         off = float(np.linalg.norm(self._offset))
         if off > OFFSET_N:
-            self._give_up(
+            raise GaveUpError(
                 f"the sensor reads {off:.3g} N before anything is touched, at most {OFFSET_N:g} N: "
-                "tare it, or set out further away",
-                state,
+                "tare it, or set out further away"
             )
-            return
         self._threshold = max(LEAST_N, TOUCHED * noise)
         self._exert(APPROACH_SPEED / APPROACH_GAIN)
-        self._go(_Step.APPROACH, state)
 
-    def _approach(self, state: State, sample: Sample) -> None:
+    def _approached(self) -> Course:
+        """Go on through the air until something is touched."""
+        since_s, way = self._state.time_s, self.press.way
+        yield
+        while (sample := self._look()).force <= self._threshold:
+            if sample.commanded > SET_OUT:
+                self.way.append(sample)
+            if sample.force < -self._threshold:
+                raise GaveUpError(
+                    f"the sensor reads {sample.force:.3g} N where the tool presses: the sign of "
+                    "its axis, or of the joints"
+                )
+            if sample.commanded > SET_OUT and sample.measured < 0.25 * sample.commanded:
+                raise GaveUpError(
+                    "joints in the wrong direction, or held: commanded "
+                    f"{1e3 * sample.commanded:.2f} mm, measured {1e3 * sample.measured:.2f} mm"
+                )
+            if sample.commanded > way:
+                raise GaveUpError(f"nothing touched within {1e3 * way:g} mm")
+            if self._later(since_s, SETTLE_S + 2.0 * way / APPROACH_SPEED):
+                raise GaveUpError("the tool does not come on: something limits its motion")
+            yield
         if sample.commanded > SET_OUT:
             self.way.append(sample)
-        if sample.force > self._threshold and len(self.way) < LEAST_WAY:
-            self._give_up(
-                f"touched within {1e3 * sample.commanded:.2f} mm: set out further away", state
+        if len(self.way) < LEAST_WAY:
+            raise GaveUpError(
+                f"touched within {1e3 * sample.commanded:.2f} mm: set out further away"
             )
-        elif sample.force > self._threshold:
-            self.say(f"touched {1e3 * sample.measured:.2f} mm on")
-            self._in_contact = True
-            self._exert(LOW * self.press.force)
-            self._recent.clear()
-            self._recent.append(sample)
-            self._go(_Step.TOUCH, state)
-        elif sample.force < -self._threshold:
-            self._give_up(
-                f"the sensor reads {sample.force:.3g} N where the tool presses: the sign of its "
-                "axis, or of the joints",
-                state,
-            )
-        elif sample.commanded > SET_OUT and sample.measured < 0.25 * sample.commanded:
-            self._give_up(
-                f"joints in the wrong direction, or held: commanded {1e3 * sample.commanded:.2f} "
-                f"mm, measured {1e3 * sample.measured:.2f} mm",
-                state,
-            )
-        elif sample.commanded > self.press.way:
-            self._give_up(f"nothing touched within {1e3 * self.press.way:g} mm", state)
-        elif state.time_s > self._since_s + SETTLE_S + 2.0 * self.press.way / APPROACH_SPEED:
-            self._give_up("the tool does not come on: something limits its motion", state)
+        self.say(f"touched {1e3 * sample.measured:.2f} mm on")
+        self._in_contact = True
+        self._exert(LOW * self.press.force)
+        self._recent.clear()
+        self._recent.append(sample)
 
-    def _touch(self, state: State, sample: Sample) -> None:
-        """Press lightly until the stiffness is known about; then make the gain fit."""
-        self._watch_contact(sample)
-        low = LOW * self.press.force
-        if self._lost >= BOUNCES:
-            self._give_up(f"the tool bounces: contact was lost {self._lost} times", state)
-        elif not self._in_contact and state.time_s > self._recent[0].time_s + SETTLE_S:
-            self._give_up("contact lost", state)
-        elif sample.force > 0.7 * low or self._late(state):
-            rough = _stiffness(list(self._recent))
-            self.say(f"about {rough / 1e3:.2g} kN/m")
-            self._gain = min(1.0 / (rough * SETTLES_S), self._own_gain)
-            self._press_on(state)
+    def _touched(self) -> Generator[None, None, float]:
+        """Press lightly until the stiffness is known about; return the gain that fits."""
+        since_s, low = self._state.time_s, LOW * self.press.force
+        yield
+        while True:
+            sample = self._look()
+            self._watch_contact(sample)
+            if self._lost >= BOUNCES:
+                raise GaveUpError(f"the tool bounces: contact was lost {self._lost} times")
+            if not self._in_contact and self._later(self._recent[0].time_s, SETTLE_S):
+                raise GaveUpError("contact lost")
+            in_contact = self._in_contact or not self._later(self._recent[0].time_s, SETTLE_S)
+            if in_contact and (sample.force > 0.7 * low or self._later(since_s, SETTLE_S)):
+                break
+            yield
+        rough = _stiffness(list(self._recent))
+        self.say(f"about {rough / 1e3:.2g} kN/m")
+        return min(1.0 / (rough * SETTLES_S), self._own_gain)
 
-    def _press_on(self, state: State) -> None:
-        """Begin the next press, or the way back."""
-        if len(self.steady) == 2 * PRESSES:
-            self._go_back(state)
-            return
-        self._exert(self._wanted)
-        self._soften(self._gain)
-        self._go(_Step.PRESS, state)
-
-    def _settle(self, state: State, sample: Sample) -> None:
+    def _pressed(self, gain: float) -> Course:
         """Press until the force is about right; then let the command stand until it is steady."""
-        self.samples.append(sample)
-        self._watch_contact(sample)
-        if not self._in_contact:
-            self._give_up("contact lost", state)
-        elif self._step is _Step.PRESS:
-            if abs(sample.force - self._wanted) < NEAR * self.press.force:
+        wanted = self.press.force * (1.0 if len(self.steady) % 2 == 1 else LOW)
+        self._exert(wanted)
+        self._soften(gain)
+        standing, since_s = False, self._state.time_s
+        while True:
+            yield
+            sample = self._look(keep=not standing)
+            self.samples.append(sample)
+            self._watch_contact(sample)
+            if not self._in_contact:
+                raise GaveUpError("contact lost")
+            if not standing and abs(sample.force - wanted) < NEAR * self.press.force:
                 self._soften(0.0)
                 self._recent.clear()
-                self._go(_Step.STAND, state)
-        elif state.time_s > self._since_s + STAND_S:
-            self._recent.append(sample)
-            window = self._steady()
-            if window is not None:
-                self.steady.append(window)
-                self.say(f"press {len(self.steady)} of {2 * PRESSES}: {window.force:.2f} N")
-                self._press_on(state)
-                return
-        if self._late(state) and self._step in (_Step.PRESS, _Step.STAND):
-            recent = [s.force for s in self.samples if s.time_s > state.time_s - WINDOW_S]
-            swing = max(recent) - min(recent)
-            self._give_up(
-                f"not steady within {SETTLE_S:g} s: {np.mean(recent):.3g} N of {self._wanted:.3g} "
-                f"N, swinging by {swing:.2g} N",
-                state,
-            )
+                standing, since_s = True, self._state.time_s
+            elif standing and self._later(since_s, STAND_S):
+                self._recent.append(sample)
+                if (window := self._steady()) is not None:
+                    break
+            if self._later(since_s, SETTLE_S):
+                now_s = self._state.time_s
+                recent = [s.force for s in self.samples if s.time_s > now_s - WINDOW_S]
+                raise GaveUpError(
+                    f"not steady within {SETTLE_S:g} s: {np.mean(recent):.3g} N of {wanted:.3g} "
+                    f"N, swinging by {max(recent) - min(recent):.2g} N"
+                )
+        self.steady.append(window)
+        self.say(f"press {len(self.steady)} of {2 * PRESSES}: {window.force:.2f} N")
 
-    @property
-    def _wanted(self) -> float:
-        """Force of the press that is under way [N]."""
-        return self.press.force * (1.0 if len(self.steady) % 2 == 1 else LOW)
+    def _gone_back(self) -> Course:
+        """Leave what is touched, as softly as it was pressed, for where the tool set out."""
+        self._ask(t.FORCE, wrench=(0.0,) * 6)
+        xyz, rpy = (tuple(part.tolist()) for part in np.split(self._home, 2))
+        self._ask(t.POSITION, xyz=xyz, rpy=rpy, relative_to="world", speed=RETURN_SPEED)
+        if not (yield from self._arriving(t.POSITION, ARRIVE_S)):
+            self.failure = self.failure or "the tool does not come back to where it set out"
+        self._ask(t.CANCEL)
+
+    def _restored(self) -> Course:
+        """Leave the task as it was, wherever the arm is: an operator may go on at once."""
+        self._restores = True
+        if self._before is None:
+            return
+        self._request(t.GAIN, source="force", gain=self._before.gains["force"])
+        if not self._before.on["force"]:
+            self._request(t.SWITCH, source="force", on=False)
+        yield
+        while self._replies:
+            yield
 
     # --- looking -----------------------------------------------------------------------------
 
-    def _sample(self, state: State, task: TaskState, wrench: Array) -> Sample:
-        axis, home = self.press.along, self._home[:3]
-        force = axis.sign * float((wrench - self._offset)[axis.axis])
+    def _look(self, bound: float = BOUND, *, keep: bool = True) -> Sample:
+        """Return the state as a sample of the press. Raises `GaveUpError` for too hard a one.
+
+        A force beyond `bound` of the harder press [1]; one to `keep` is among the recent ones.
+        """
+        state, task = self._state, self._told
+        if task.wrench_mrf is None:
+            raise GaveUpError("the force/torque sensor is stale or missing")
+        axis, felt = self.press.along, np.array(task.wrench_mrf[:3]) - self._offset
         at = (
-            float(self._normal @ (np.array(pose[:3]) - home))
+            float(self._normal @ (np.array(pose[:3]) - self._home[:3]))
             for pose in (task.pose_mrf, task.pose_mrf_measured)
         )
-        return Sample(state.time_s, state.tick, force, *at)
+        force = axis.sign * float(felt[axis.axis])
+        sample = Sample(state.time_s, state.tick, force, *at)
+        if keep:
+            self._recent.append(sample)
+        hard, most = float(np.linalg.norm(felt)), bound * self.press.force
+        if hard > most:
+            raise GaveUpError(f"force bound reached: {hard:.3g} N of {most:.3g} N")
+        return sample
 
     def _watch_contact(self, sample: Sample) -> None:
         """Notice where contact is lost and found again; half the threshold is none."""
@@ -384,9 +408,6 @@ class PressGuide(Leader):
             return None
         return Steady(*window[:, 2:].mean(axis=0))
 
-    def _late(self, state: State) -> bool:
-        return state.time_s > self._since_s + SETTLE_S
-
     @property
     def _own_gain(self) -> float:
         """K_F of the task along the press, as it was."""
@@ -394,9 +415,6 @@ class PressGuide(Leader):
         return float(np.broadcast_to(gains, 6)[self.press.along.axis])
 
     # --- speaking ----------------------------------------------------------------------------
-
-    def _go(self, step: _Step, state: State) -> None:
-        self._step, self._since_s = step, state.time_s
 
     def _ask(self, topic: t.Topic, **fields: object) -> None:
         self.client.command(topic, task=self.task, **fields)
@@ -422,36 +440,6 @@ class PressGuide(Leader):
         self._replies -= 1
         if not reply.ok and not self.over:
             self._end(self.failure or f"{reply.reason}: {reply.detail}")
-
-    # --- the end -----------------------------------------------------------------------------
-
-    def _give_up(self, why: str, state: State) -> None:
-        self.failure = why
-        self._go_back(state)
-
-    def _go_back(self, state: State) -> None:
-        """Leave what is touched, as softly as it was pressed, for where the tool set out."""
-        self._ask(t.FORCE, wrench=(0.0,) * 6)
-        xyz, rpy = (tuple(part.tolist()) for part in np.split(self._home, 2))
-        self._ask(t.POSITION, xyz=xyz, rpy=rpy, relative_to="world", speed=RETURN_SPEED)
-        self._go(_Step.RETURN, state)
-
-    def _return(self, state: State, task: TaskState) -> None:
-        late = state.time_s > self._since_s + ARRIVE_S
-        if not self._arrived(state, task, t.POSITION) and not late:
-            return
-        if late:
-            self.failure = self.failure or "the tool does not come back to where it set out"
-        self._ask(t.CANCEL)
-        self._restore()
-
-    def _restore(self) -> None:
-        """Leave the task as it was, wherever the arm is: an operator may go on at once."""
-        self._step = _Step.RESTORE
-        if self._before is not None:
-            self._request(t.GAIN, source="force", gain=self._before.gains["force"])
-            if not self._before.on["force"]:
-                self._request(t.SWITCH, source="force", on=False)
 
 
 def _stiffness(samples: list[Sample]) -> float:
