@@ -126,33 +126,19 @@ def tunnel(cell: Cell) -> Iterator[Finding]:
     backbone = Backbone.from_cell(cell)
     if backbone is None:
         return
-    yield _range(cell, backbone)
-    yield _walls(backbone)
-    yield _speed(cell, backbone)
-    yield from _start(cell, backbone)
-    if cell.config.rig is not None:
-        yield from _gains(cell, backbone)
-
-
-def _range(cell: Cell, backbone: Backbone) -> Finding:
-    """Judge the joints' angles along all fits."""
+    section, names = backbone.section, [joint.name for joint in cell.robot.joints]
     low, high = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
     used, i, j = backbone.turns(np.array(low), np.array(high))
     angle, s1 = float(backbone.fits[i, j]), float(backbone.lengths[i])
-    return Finding(
+    yield Finding(
         "tunnel range",
         graded(used, FULL, 1.0),
-        f"{cell.robot.joints[j].name} at {angle:.3f} rad with a free length of {s1:.3f} m, within "
-        f"{low[j]:g} to {high[j]:g}",
-        {"joint": cell.robot.joints[j].name, "angle": angle, "free_length": s1},
+        f"{names[j]} at {angle:.3f} rad with a free length of {s1:.3f} m, within {low[j]:g} to "
+        f"{high[j]:g}",
+        {"joint": names[j], "angle": angle, "free_length": s1},
     )
-
-
-def _walls(backbone: Backbone) -> Finding:
-    """Judge how far links are off the centre line along all fits."""
     off, i = backbone.farthest_off()
-    section = backbone.section
-    return Finding(
+    yield Finding(
         "tunnel walls",
         graded(off, FULL * backbone.room, backbone.room),
         f"links {1e3 * off:.1f} mm off the centre line with a free length of "
@@ -160,22 +146,22 @@ def _walls(backbone: Backbone) -> Finding:
         f"clearance leave {1e3 * backbone.room:.1f} mm",
         {"off": off, "room": backbone.room, "free_length": float(backbone.lengths[i])},
     )
-
-
-def _speed(cell: Cell, backbone: Backbone) -> Finding:
-    """Judge the joints' speeds at the greatest insertion speed."""
     V = np.array([drive.max_velocity for drive in cell.config.mechanism.drives])
-    used = np.abs(backbone.slopes) * backbone.section.speed / V
-    i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
-    most = backbone.section.speed / float(used[i, j])
-    text = (
-        f"{backbone.section.speed:g} m/s takes {used[i, j]:.0%} of {cell.robot.joints[j].name}'s "
-        f"speed with a free length of {backbone.lengths[i]:.3f} m"
+    taken = np.abs(backbone.slopes) * section.speed / V
+    i, j = (int(x) for x in np.unravel_index(int(taken.argmax()), taken.shape))
+    most = section.speed / float(taken[i, j])
+    fast = taken[i, j] > 1.0
+    yield Finding(
+        "tunnel speed",
+        Severity.WARN if fast else Severity.OK,
+        f"{section.speed:g} m/s takes {taken[i, j]:.0%} of {names[j]}'s speed with a free length "
+        f"of {backbone.lengths[i]:.3f} m"
+        + (f": it slows down there; {most:.3f} m/s is kept" if fast else ""),
+        {"speed": section.speed, "kept": most},
     )
-    status = Severity.OK
-    if used[i, j] > 1.0:
-        status, text = Severity.WARN, f"{text}: it slows down there; {most:.3f} m/s is kept"
-    return Finding("tunnel speed", status, text, {"speed": backbone.section.speed, "kept": most})
+    yield from _start(cell, backbone)
+    if cell.config.rig is not None:
+        yield from _gains(cell, backbone)
 
 
 def _start(cell: Cell, backbone: Backbone) -> Iterator[Finding]:
