@@ -2,17 +2,40 @@
 
 import argparse
 import json
+import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 from ...config.load import Cell, load_cell
 from ..client.operator import OperatorError
 from ..host.local_plant import ChildDied
-from . import latency, simulate, sync, tick
+from ..simulation.simulation import simulate
+from . import latency, sync, tick
 from .figures import Figures, machine
 
 Bench = Callable[[Cell, bool], Figures]
 Benches = Mapping[str, tuple[Bench, tuple[str, ...]]]
+
+TARGET: Final = 5.0  # virtual seconds per real second [1]
+RUNS: Final = 3
+
+
+def simulated(cell: Cell, runs: int = RUNS) -> Figures:
+    """Simulate the cell's default script a number of times: others only ever make a run slower."""
+    best = virtual_s = 0.0
+    for _ in range(runs):
+        start = time.perf_counter()
+        states = simulate(cell).states
+        real_s = time.perf_counter() - start
+        virtual_s = states[-1].time_s if states else 0.0
+        best = max(best, virtual_s / real_s)
+    return {
+        "virtual_s": round(virtual_s, 3),
+        "times_real_time": round(best, 2),
+        "target": TARGET,
+        "met": best >= TARGET,
+    }
+
 
 BENCHES: Final[Benches] = {
     "tick": (
@@ -20,7 +43,7 @@ BENCHES: Final[Benches] = {
         ("pa10", "ur5e", "pa10_hand_torque", "snake", "rover"),
     ),
     "simulate": (
-        lambda cell, quick: simulate.bench(cell, 1 if quick else simulate.RUNS),
+        lambda cell, quick: simulated(cell, 1 if quick else RUNS),
         ("pa10", "ur5e"),
     ),
     "sync": (

@@ -2,12 +2,13 @@
 
 import os
 import platform
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..host.machine import versions
 
 Figures = dict[str, Any]
 """Named figures: numbers, truth values, and tables of them; units in the names."""
@@ -38,7 +39,7 @@ def machine(packages: tuple[str, ...] = PACKAGES) -> Figures:
         "kernel": platform.release(),
         "python": platform.python_version(),
         "openblas_num_threads": os.environ.get("OPENBLAS_NUM_THREADS"),
-        "packages": {name: _version(name) for name in packages},
+        "packages": {name: found or "missing" for name, found in versions(packages).items()},
     }
 
 
@@ -49,10 +50,3 @@ def _processor() -> str:
     except OSError:
         lines = []
     return lines[0].partition(":")[2].strip() if lines else platform.machine()
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "missing"

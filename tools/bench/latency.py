@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from ...drivers.bus import CanBus, CanMessage, open_bus
 from ...protocols import topics as t
 from ...protocols.canopen.can301 import rpdo1_id
 from ...protocols.messages.messages import Frame
-from ..client.operator import Operator, OperatorError
+from ..client.operator import Operator
 from ..host.local_plant import LocalPlant
 from .figures import Figures, percentiles
 
@@ -67,7 +66,11 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]
         bus = open_bus(plant.cell.config.fieldbuses[0])
         try:
             with Operator(plant.cell, name="bench") as operator:
-                _until_ready(plant, operator)
+                plant.wait(
+                    lambda: operator.spin(0.05, lambda: _is_ready(operator)),
+                    START_S,
+                    "the daemon did not get ready",
+                )
                 operator.acquire()
                 operator.enable()
                 yield EnabledPlant(plant.cell, operator, bus, plant)
@@ -75,13 +78,8 @@ def driven(cell: Cell, statistics: Path | None = None) -> Iterator[EnabledPlant]
             bus.shutdown()
 
 
-def _until_ready(plant: LocalPlant, operator: Operator) -> None:
-    deadline_s = time.monotonic() + START_S
-    while operator.state is None or operator.state.mode != "ready":
-        plant.raise_if_dead()
-        operator.spin(0.05)
-        if time.monotonic() > deadline_s:
-            raise OperatorError("not_now", "the daemon did not get ready")
+def _is_ready(operator: Operator) -> bool:
+    return operator.state is not None and operator.state.mode == "ready"
 
 
 # --- Latency from an operator's put to the first command on the bus that reflects it --------------
@@ -106,7 +104,12 @@ def bench(cell: Cell, steps: int = STEPS) -> Figures:
         with driven(still) as plant:
             plant.operator.request(t.SWITCH, source="force", on=False)
             targets = Targets(plant.cell, plant.bus)
-            return from_rest(plant, targets, steps, period_s, partial(_stick, plant))
+
+            def put(speed: float) -> None:
+                twist, axes = (0.0, speed, 0.0, 0.0, 0.0, 0.0), Frame.BASE
+                plant.operator.command(t.JOYSTICK, twist=twist, expressed_in=axes, relative_to=axes)
+
+            return from_rest(plant, targets, steps, period_s, put)
 
 
 def from_rest(
@@ -184,12 +187,3 @@ class Targets:
         before = self._targets.get(frame.arbitration_id)
         self._targets[frame.arbitration_id] = target
         return None if before in (None, target) else frame.timestamp
-
-
-def _stick(plant: EnabledPlant, speed: float) -> None:
-    plant.operator.command(
-        t.JOYSTICK,
-        twist=(0.0, speed, 0.0, 0.0, 0.0, 0.0),
-        expressed_in=Frame.BASE,
-        relative_to=Frame.BASE,
-    )

@@ -4,7 +4,6 @@ import argparse
 import os
 import platform
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from ...config.load import load_cell
@@ -85,7 +84,14 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
         + ("; set it to 1 in scripts of your own too" if threads == "1" else ": set it to 1"),
         {"openblas_num_threads": threads},
     )
-    yield _packages()
+    found = machine.versions(PACKAGES)
+    missing = ", ".join(name for name, number in found.items() if number is None)
+    yield Finding(
+        "packages",
+        Severity.ERROR if missing else Severity.OK,
+        f"missing: {missing}" if missing else ", ".join(f"{n} {v}" for n, v in found.items()),
+        {name: number for name, number in found.items() if number is not None},
+    )
     made, how = machine.pictures()
     yield Finding(
         "pictures",
@@ -141,18 +147,3 @@ def _kernel_can() -> Finding:
     if not interfaces:
         text += "; only real drives need it"
     return Finding("kernel CAN", Severity.OK, text, {"interfaces": listed, "vcan": vcan})
-
-
-def _packages() -> Finding:
-    found: dict[str, str] = {}
-    missing: list[str] = []
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            missing.append(name)
-    if missing:
-        text = f"missing: {', '.join(missing)}"
-        return Finding("packages", Severity.ERROR, text, dict(found))
-    text = ", ".join(f"{name} {number}" for name, number in found.items())
-    return Finding("packages", Severity.OK, text, dict(found))

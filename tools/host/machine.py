@@ -7,9 +7,10 @@ import os
 import secrets
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
@@ -98,6 +99,17 @@ def governor(root: Path = Path("/sys/devices/system/cpu")) -> str | None:
         return (root / "cpu0/cpufreq/scaling_governor").read_text().strip()
     except OSError:
         return None
+
+
+def versions(packages: Iterable[str]) -> dict[str, str | None]:
+    """Return the version of each package that is installed here; None of one that is not."""
+    found: dict[str, str | None] = {}
+    for name in packages:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
 
 
 def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:
