@@ -241,13 +241,8 @@ def _features(table: TickTable, rows: Any) -> tuple[Array, Array, dict[str, Any]
 
 def _statistics(values: Array) -> dict[str, list[float]]:
     table = values.reshape(len(values), -1).astype(float)
-    found = {
-        "min": table.min(axis=0),
-        "max": table.max(axis=0),
-        "mean": table.mean(axis=0),
-        "std": table.std(axis=0),
-    }
-    return {**{name: value.tolist() for name, value in found.items()}, "count": [len(values)]}
+    found = {name: getattr(table, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
+    return {**found, "count": [len(values)]}
 
 
 def _video(path: Path, pictures: list[tuple[int, bytes]], rows: Any, fps: int) -> dict[str, Any]:

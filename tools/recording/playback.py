@@ -6,11 +6,12 @@ import base64
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from aiohttp import web
 from pydantic import ValidationError
 
+from ...protocols.messages.messages import Message
 from ...protocols.messages.perception import CameraPicture, ContourNews, ObstacleNews, ScanPoints
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
@@ -18,7 +19,14 @@ from ..host.progress import counted
 from ..operator.web import cli as live
 from ..operator.web.pages import told_state
 from ..operator.web.server import Access, Listen, SceneServer
-from ..operator.web.streams import told_contour, told_obstacle, told_picture, told_scan, told_truth
+from ..operator.web.streams import (
+    Told,
+    told_contour,
+    told_obstacle,
+    told_picture,
+    told_scan,
+    told_truth,
+)
 from ..operator.words import event_words, is_cause
 from .run_file import Recorded, RecordError, read_cell, read_run, read_scene
 
@@ -30,7 +38,11 @@ PIECE_S: Final = 4.0  # length of a piece [s]
 
 STATE_S: Final = 1 / 25  # messages of one kind are at least so far apart [s]: the eye sees no more
 
+BYTES: Final = ("jpeg", "nearest_mm", "points_mm")
+"""Fields that a recording has as text."""
+
 Words = Mapping[str, Any]
+M = TypeVar("M", bound=Message)
 
 
 class Timeline:
@@ -90,26 +102,18 @@ class Timeline:
         self._close_piece()
 
     def _tellers(self) -> Mapping[str, Callable[[float, Recorded], None]]:
-        contour = self._other(
-            "contour", lambda row: told_contour(ContourNews.model_validate(_bytes(row)))
-        )
-        obstacle = self._other(
-            "obstacle", lambda row: told_obstacle(ObstacleNews.model_validate(row))
-        )
+        contour = self._other("contour", ContourNews, told_contour)
+        obstacle = self._other("obstacle", ObstacleNews, told_obstacle)
         return {
             "state": self._state,
             "event": self._event,
-            "truth": self._other("truth", lambda row: told_truth(RigTruth.model_validate(row))),
+            "truth": self._other("truth", RigTruth, told_truth),
             "obstacle": obstacle,
             "sensor/obstacle": obstacle,  # as it was put, in older recordings
             "sensor/contour": contour,
             "contour": contour,  # as a simulation names it
-            "scan": self._other(
-                "scan", lambda row: told_scan(ScanPoints.model_validate({"tick": 0, **_bytes(row)}))
-            ),
-            "view/picture": self._other(
-                "picture", lambda row: told_picture(CameraPicture.model_validate(_bytes(row)))
-            ),
+            "scan": self._other("scan", ScanPoints, told_scan, tick=0),
+            "view/picture": self._other("picture", CameraPicture, told_picture),
         }
 
     def _state(self, t: float, message: Recorded) -> None:
@@ -128,13 +132,19 @@ class Timeline:
         self.events.append({"t": t, **event.model_dump(mode="json"), **event_words(event)})
 
     def _other(
-        self, kind: str, tell: Callable[[dict[str, Any]], tuple[str, str]]
+        self, kind: str, message: type[M], tell: Callable[[M], Told], **given: int
     ) -> Callable[[float, Recorded], None]:
-        def take(t: float, message: Recorded) -> None:
-            row = message.json()
+        """Return what takes in a message of a kind, with fields that are `given` beside it."""
+
+        def take(t: float, recorded: Recorded) -> None:
+            row = recorded.json()
             name = f"{kind} {row.get('camera') or row.get('name') or ''}"
             if self._due(name, t):
-                self._add(name, t, tell(row)[1])
+                whole = {
+                    key: base64.b64decode(value) if key in BYTES else value
+                    for key, value in row.items()
+                }
+                self._add(name, t, tell(message.model_validate({**given, **whole})).text)
 
         return take
 
@@ -153,14 +163,6 @@ class Timeline:
 
 def _timed(t: float, text: str) -> str:
     return f'{{"t":{t:.4f},{text[1:]}'
-
-
-def _bytes(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row whose bytes are bytes again."""
-    return {
-        key: base64.b64decode(value) if key in ("jpeg", "nearest_mm", "points_mm") else value
-        for key, value in row.items()
-    }
 
 
 # --- The HTTP of a recorded run: its page, its scene, and its pieces; nothing can be sent ---------

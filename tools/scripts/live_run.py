@@ -4,13 +4,10 @@ import math
 import time
 from collections.abc import Callable
 
-import numpy as np
-
 from ...drivers.network.session import NotCertified
-from ...protocols.messages import messages as m
 from ...protocols.messages import requests
 from ...protocols.messages.telemetry import Event, State
-from ...server.control.spatial import Pose, rotation_log
+from ...server.control.spatial import Pose, pose_error, sizes
 from ..client.operator import POLL_S, Operator
 from ..client.protocol_client import ignore
 from ..operator.words import event_line
@@ -113,13 +110,7 @@ def ending(state: State) -> str:
     parts = [f"mode {state.mode}", f"at_goal {str(state.at_goal).lower()}"]
     if state.target_mrf is not None:
         for name, pose in (("commanded", state.pose_mrf), ("measured", state.pose_mrf_measured)):
-            distance, angle = _apart(pose, state.target_mrf)
+            target, there = (Pose.from_xyz_rpy(p[:3], p[3:]) for p in (state.target_mrf, pose))
+            distance, angle = sizes(pose_error(target, there))
             parts.append(f"tool error {name} {1e3 * distance:.3f} mm {1e3 * angle:.3f} mrad")
     return ", ".join(parts)
-
-
-def _apart(a: m.Vector6, b: m.Vector6) -> tuple[float, float]:
-    """Return distance [m] and angle [rad] between two poses."""
-    first, second = (Pose.from_xyz_rpy(p[:3], p[3:]) for p in (a, b))
-    turn = np.asarray(rotation_log(second.R.T @ first.R))
-    return math.dist(a[:3], b[:3]), float(np.linalg.norm(turn))
