@@ -3,16 +3,14 @@
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ...config.load import Cell
 from ...config.schema.mechanism import BackboneSection
 from ...config.schema.section import PoseSection
-from ...config.schema.surroundings import CameraSection
 from ...protocols import topics as t
 from ...protocols.messages.messages import Frame
 from ...protocols.messages.rig import RigTruth
@@ -382,29 +380,12 @@ class _CentreLine:
 
 
 # --- Judge of the view: its true distance from the stored one, by physics, never by pictures ------
-@dataclass(frozen=True)
-class _JudgedCamera:
-    """A camera, and the arm whose task it is for."""
-
-    camera: CameraSection
-    arm: str
-    T_mrf_wrist: Pose
-    T_world_base: Pose
-
-    @classmethod
-    def of(cls, part: Cell, camera: CameraSection) -> Self:
-        mechanism = part.config.mechanism
-        T_mrf_wrist = placed(mechanism.T_wrist_mrf).inverse()
-        return cls(camera, mechanism.name, T_mrf_wrist, placed(mechanism.T_world_base))
-
-
 class ViewJudge:
     """Remembers the true view of each camera when one is stored, and compares."""
 
     def __init__(self, cell: Cell) -> None:
-        self._eyes = {
-            c.name: _JudgedCamera.of(part, c) for part in cell.parts for c in part.config.cameras
-        }
+        self._eyes = {c.name: (part, c) for part in cell.parts for c in part.config.cameras}
+        """Each camera, with the arm whose task it is for."""
         tags = () if cell.config.rig is None else cell.config.rig.tags
         self._tags = {tag.tag: tag for tag in tags}
         kept = (part.config.sources.vision.camera for part in cell.parts)
@@ -419,18 +400,20 @@ class ViewJudge:
 
     def view(self, truth: RigTruth, camera: str | None = None) -> Pose | None:
         """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
-        eye = self._eyes.get(camera or self._camera)
-        tag = None if eye is None else self._tags.get(eye.camera.tag)
-        if eye is None or tag is None:
+        if (eye := self._eyes.get(camera or self._camera)) is None:
             return None
-        T_world_wrist = _pose(truth.arms[eye.arm].pose_mrf) @ eye.T_mrf_wrist
+        mechanism, section = eye[0].config.mechanism, eye[1]
+        if (tag := self._tags.get(section.tag)) is None:
+            return None
+        T_world_mrf = _pose(truth.arms[mechanism.name].pose_mrf)
+        T_world_wrist = T_world_mrf @ placed(mechanism.T_wrist_mrf).inverse()
         base = truth.frames.get("base")
         stands = {
             "wrist": T_world_wrist,
-            "base": eye.T_world_base if base is None else _pose(base),
+            "base": placed(mechanism.T_world_base) if base is None else _pose(base),
             "world": Pose.identity(),
         }
-        T_world_lens = stands[eye.camera.on] @ placed(eye.camera.place)
+        T_world_lens = stands[section.on] @ placed(section.place)
         if tag.T_wrist_tag is not None:
             return T_world_lens.inverse() @ (T_world_wrist @ placed(tag.T_wrist_tag))
         return T_world_lens.inverse() @ _pose(truth.tags[tag.name])
@@ -443,7 +426,7 @@ class ViewJudge:
         now, stored = self.view(truth), self._stored.get(self._camera)
         if stored is None or now is None:
             return None
-        camera = self._eyes[self._camera].camera
+        camera = self._eyes[self._camera][1]
         corners = board_of(camera)[camera.tag]
         if min((corners @ T.R.T + T.p)[:, 2].min() for T in (now, stored)) <= 0.0:
             return None
@@ -463,7 +446,7 @@ class ViewJudge:
         now, stored = self.view(truth), self._stored.get(self._camera)
         if stored is None or now is None:
             return None
-        carried = self._eyes[self._camera].camera.on == "wrist"
+        carried = self._eyes[self._camera][1].on == "wrist"
         a, b = (stored.inverse(), now.inverse()) if carried else (stored, now)
         turn = rotation_log(a.R.T @ b.R)
         way = b.p - a.p

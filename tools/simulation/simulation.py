@@ -90,16 +90,6 @@ def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
     return max(sums, default=0.0) / max(len(late), 1)
 
 
-def tick_times(compute_s: Sequence[float]) -> dict[str, float]:
-    """Return quantiles of the tick's computing time [µs]."""
-    micros = np.array(compute_s) * 1e6 if compute_s else np.zeros(1)
-    return {
-        "p50": round(float(np.percentile(micros, 50)), 1),
-        "p99": round(float(np.percentile(micros, 99)), 1),
-        "max": round(float(micros.max()), 1),
-    }
-
-
 def _record(recorder: Recorder, bus: int, message: CanMessage) -> None:
     time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
     recorder.frame(time_s, can_id, data, sent=False, bus=bus)
@@ -315,13 +305,15 @@ class Simulation:
 
     def _result(self) -> Result:
         period = self.cell.config.timing.period_s
-        view = self.view.error(self.truths[-1]) if self.truths else None
+        view = (self.view.error(self.truths[-1]) if self.truths else None) or (None, None)
         tools = [error for judge in self._tools if (error := judge.error) is not None]
-        tool = (max(e[0] for e in tools), max(e[1] for e in tools)) if tools else None
+        tool = [max(each) for each in zip(*tools, strict=True)] or [None, None]
         enabled = self.player.phase in (Phase.OVER, Phase.PLAYING)
         failure = self.player.failure or (None if enabled else "the arm was not enabled")
         if failure is None and self.blind is not None:
             failure = f"simulated without its cameras: {self.blind}"
+        micros = np.array(self._compute or [0.0]) * 1e6
+        quantiles = {"p50": 50, "p99": 99, "max": 100}
         summary: dict[str, object] = {
             "cell": self.cell.config.name,
             "failure": failure,
@@ -340,10 +332,10 @@ class Simulation:
             ),
             "max_speed_ratio": self.observer.max_speed_ratio,
             "max_acceleration_ratio": self.observer.max_acceleration_ratio,
-            "tool_error_m": None if tool is None else tool[0],
-            "tool_error_rad": None if tool is None else tool[1],
-            "view_error_m": None if view is None else view[0],
-            "view_error_rad": None if view is None else view[1],
+            "tool_error_m": tool[0],
+            "tool_error_rad": tool[1],
+            "view_error_m": view[0],
+            "view_error_rad": view[1],
             "view_error_px": self.view.error_px(self.truths[-1]) if self.truths else None,
             **self._tunnel.figures(),
             "contact_force_n": contact_force(self.truths, period),
@@ -353,7 +345,9 @@ class Simulation:
             ),
             "own_contact_n": max((truth.own_contact_peak for truth in self.truths), default=0.0),
             "q_final": list(self.truths[-1].q) if self.truths else [],
-            "tick_us": tick_times(self._compute),
+            "tick_us": {
+                name: round(float(np.percentile(micros, q)), 1) for name, q in quantiles.items()
+            },
             "command_hash": self._hash.hexdigest(),
         }
         if self.truths:
