@@ -1,6 +1,6 @@
 """What hostile operators do to a cell and its equipment, and how order is restored."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -200,6 +200,13 @@ SPEEDS = (0.4, 2.5)  # range of asked tool speeds [m/s]
 ANGULAR_SPEEDS = (1.0, 8.0)  # range of asked tool rates [rad/s]
 
 
+def moments(draw: Draw, at_s: float, end_s: float, low_s: float, high_s: float) -> Iterator[float]:
+    """Yield times of a segment [s]; the way to the next is drawn once all is done at one."""
+    while at_s < end_s:
+        yield at_s
+        at_s += float(draw.uniform(low_s, high_s))
+
+
 def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """One way, then back."""
     twist, middle = _twist(draw), 0.5 * (at_s + end_s)
@@ -210,20 +217,16 @@ def constant(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
 def bang_bang(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """Full speed to and fro."""
     twist, axes, steps = _twist(draw), _axes(draw), []
-    while at_s < end_s:
-        steps.append(_stick(at_s, twist, axes))
+    for now_s in moments(draw, at_s, end_s, 0.1, 0.4):
+        steps.append(_stick(now_s, twist, axes))
         twist = [-x for x in twist]
-        at_s += float(draw.uniform(0.1, 0.4))
     return steps
 
 
 def noise(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """A new direction several times a second."""
-    steps = []
-    while at_s < end_s:
-        steps.append(_stick(at_s, _twist(draw), _axes(draw)))
-        at_s += float(draw.uniform(0.03, 0.15))
-    return steps
+    times = moments(draw, at_s, end_s, 0.03, 0.15)
+    return [_stick(at_s, _twist(draw), _axes(draw)) for at_s in times]
 
 
 def aimed(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
@@ -256,16 +259,15 @@ def jog_to_limit(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step
 def goals(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """Target poses, each replaced on the way, with a stick in between."""
     steps = []
-    while at_s < end_s:
+    for now_s in moments(draw, at_s, end_s, 0.3, 0.7):
         position = {
             "xyz": draw.uniform(-0.6, 0.6, 3).tolist(),
             "rpy": draw.uniform(-1.5, 1.5, 3).tolist(),
             "relative_to": Frame.MRF,
             "expressed_in": _frame(draw),
         }
-        steps.append(step(at_s, {"cmd/position": position}))
-        steps.append(_stick(at_s + 0.15, _twist(draw), _axes(draw)))
-        at_s += float(draw.uniform(0.3, 0.7))
+        steps.append(step(now_s, {"cmd/position": position}))
+        steps.append(_stick(now_s + 0.15, _twist(draw), _axes(draw)))
     steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
     return steps
 
@@ -274,19 +276,18 @@ def postures(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """Joint postures, each replaced on the way."""
     known = cell.config.mechanism.postures
     steps = []
-    while at_s < end_s:
+    for now_s in moments(draw, at_s, end_s, 0.3, 0.8):
         q = np.array(known[str(draw.choice(sorted(known)))])
         q = q + draw.uniform(-0.3, 0.3, len(q))
-        steps.append(step(at_s, {"silence": ["cmd/joystick"]}))
-        steps.append(step(at_s, {"cmd/posture": {"q": tuple(q.tolist())}}))
-        at_s += float(draw.uniform(0.3, 0.8))
+        steps.append(step(now_s, {"silence": ["cmd/joystick"]}))
+        steps.append(step(now_s, {"cmd/posture": {"q": tuple(q.tolist())}}))
     return steps
 
 
 def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
     """Routes and timed twists, paused, resumed, aborted and replaced, with a stick in between."""
     steps = [step(at_s, {"silence": ["cmd/joystick"]})]
-    while at_s < end_s:
+    for now_s in moments(draw, at_s, end_s, 0.25, 0.7):
         count = int(draw.integers(1, 6))
         if draw.random() < 0.5:
             reach, turn = draw.uniform(-0.3, 0.3, (count, 3)), draw.uniform(-0.9, 0.9, (count, 3))
@@ -302,14 +303,13 @@ def paths(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
                 "twists": [[0.6 * x for x in _twist(draw)] for _ in range(count)],
                 "durations_s": draw.uniform(0.03, 0.4, count).tolist(),
             }
-        steps.append(step(at_s, {"cmd/path": {**path, "expressed_in": _frame(draw)}}))
+        steps.append(step(now_s, {"cmd/path": {**path, "expressed_in": _frame(draw)}}))
         if draw.random() < 0.4:
-            steps.append(_stick(at_s + 0.1, _twist(draw), _axes(draw)))
+            steps.append(_stick(now_s + 0.1, _twist(draw), _axes(draw)))
         action = str(draw.choice(["pause", "abort", "resume"]))
-        steps.append(step(at_s + 0.15, {"operator/path": {"action": action}}))
+        steps.append(step(now_s + 0.15, {"operator/path": {"action": action}}))
         if action == "pause" and draw.random() < 0.7:
-            steps.append(step(at_s + 0.35, {"operator/path": {"action": "resume"}}))
-        at_s += float(draw.uniform(0.25, 0.7))
+            steps.append(step(now_s + 0.35, {"operator/path": {"action": "resume"}}))
     steps.append(step(end_s - 0.01, {"cmd/cancel": {}}))
     return steps
 
@@ -321,9 +321,9 @@ def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
         step(at_s, {"silence": ["cmd/joystick"]}),
     ]
     axes = _frame(draw)
-    while at_s < end_s:
+    for now_s in moments(draw, at_s, end_s, 0.2, 0.5):
         twist = [float(draw.choice([0.5, 2.0])) * x for x in _twist(draw)]
-        steps.append(step(at_s, {"master": {"twist": twist, "expressed_in": axes}}))
+        steps.append(step(now_s, {"master": {"twist": twist, "expressed_in": axes}}))
         changes: tuple[dict[str, Any], ...] = (
             {"operator/clutch": {"engaged": False}},
             {"operator/clutch": {"engaged": True}},
@@ -332,16 +332,15 @@ def master(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
             {"silence": ["cmd/master_pose"]},
             {"cmd/joystick": {"twist": _twist(draw), **_axes(draw)}},
         )
-        steps.append(step(at_s + 0.1, changes[int(draw.integers(len(changes)))]))
-        steps.append(step(at_s + 0.2, {"operator/clutch": {"engaged": True}}))
-        at_s += float(draw.uniform(0.2, 0.5))
+        steps.append(step(now_s + 0.1, changes[int(draw.integers(len(changes)))]))
+        steps.append(step(now_s + 0.2, {"operator/clutch": {"engaged": True}}))
     steps.append(step(end_s - 0.02, {"cmd/cancel": {}}))
     steps.append(step(end_s - 0.02, {"silence": ["cmd/master_pose"]}))
     steps.append(step(end_s - 0.01, {"operator/clutch": {"translation": 1.0, "rotation": 1.0}}))
     return steps
 
 
-SEGMENTS: tuple[Callable[[Draw, Cell, float, float], list[Step]], ...] = (
+SEGMENTS: tuple[Segment, ...] = (
     constant, bang_bang, bang_bang, noise, noise, aimed, jog_to_limit, goals, postures,
     paths, paths, master, master,
 )  # fmt: skip
