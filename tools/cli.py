@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
-from types import ModuleType
 from typing import Any, Final, NoReturn
 
 from ..config.errors import ConfigError, printable
@@ -141,12 +140,8 @@ def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
 
 
 def _imported(command: HelpRow, args: argparse.Namespace) -> int:
-    code: int = _module(command).run(args)
+    code: int = import_module(f"{__package__}.{command.module}").run(args)
     return code
-
-
-def _module(command: HelpRow) -> ModuleType:
-    return import_module(f"{__package__}.{command.module}")
 
 
 def _fail(code: int, message: str) -> int:

@@ -134,7 +134,10 @@ class Page:
         else:
             self._lapsed = False
         self._hold(held)
-        self._watch(watched_in(message.get("video", {}), self._cameras))
+        watched = watched_in(message.get("video", {}), self._cameras)
+        self.watches = {name: self.watches.get(name) or Watch() for name in watched}
+        for name, number in watched.items():
+            self.watches[name].received(number)
         trip = self.round_trip.seconds
         echo_ms = None if trip is None else round(1e3 * trip, 1)
         self.tell(
@@ -151,12 +154,6 @@ class Page:
             "zero_ms": 1e3 * self._daemon.zero_s,
             "period_ms": 1e3 * self._daemon.period_s,
         }
-
-    def _watch(self, watched: Mapping[str, int]) -> None:
-        """Look at these cameras large, and at no other."""
-        self.watches = {name: self.watches.get(name) or Watch() for name in watched}
-        for name, number in watched.items():
-            self.watches[name].received(number)
 
     def _send(self, message: Mapping[str, Any]) -> None:
         number, key = message.get("id"), str(message.get("key"))

@@ -12,7 +12,7 @@ from ....config.drives import joint_bounds
 from ....config.load import Cell, ConfigError
 from ....config.schema.section import PoseSection
 from ....config.schema.sources import SOURCES
-from ....config.schema.surroundings import ObstacleSection, RigTagSection
+from ....config.schema.surroundings import RigTagSection
 from ....config.urdf.elements import end_of
 from ....config.urdf.meshes import find_mesh, read_mesh
 from ....drivers.device import DeviceError
@@ -374,18 +374,17 @@ def _nine(T: Pose) -> list[float]:
 def described_obstacles(cell: Cell) -> list[dict[str, Any]]:
     """Return what arms keep away from, with the distance to keep [m]."""
     default = cell.config.avoidance.clearance
-    return [_obstacle(obstacle, default) for obstacle in cell.config.obstacles]
-
-
-def _obstacle(obstacle: ObstacleSection, default: float) -> dict[str, Any]:
-    soft = obstacle.shape == "sight_line"
     told = {"name", "shape", "xyz", "to", "rpy", "half_size", "camera"}
-    return obstacle.model_dump(include=told) | {
-        "radius": obstacle.radius or 0.0,
-        "clearance": default if obstacle.clearance is None else obstacle.clearance,
-        "hard": (not soft) if obstacle.hard is None else obstacle.hard,
-        "moves": obstacle.max_speed > 0.0,
-    }
+    return [
+        obstacle.model_dump(include=told)
+        | {
+            "radius": obstacle.radius or 0.0,
+            "clearance": default if obstacle.clearance is None else obstacle.clearance,
+            "hard": obstacle.shape != "sight_line" if obstacle.hard is None else obstacle.hard,
+            "moves": obstacle.max_speed > 0.0,
+        }
+        for obstacle in cell.config.obstacles
+    ]
 
 
 def described_rig(cell: Cell) -> dict[str, Any] | None:
