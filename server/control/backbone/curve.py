@@ -370,7 +370,7 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Curve]
         raise ConfigError(
             f"{where}.start: value {section.start:g}: the arm is {chain.length:.4f} m long"
         )
-    arcs = yield from _arcs(T, section, chain, _range(cell), where)
+    arcs = yield from _arcs(T, cell, section, chain, where)
     _judge_passages(arcs, section, chain.length, where)
     bow = _bow_angle(section)
     aside = T.R @ np.array([0.0, np.cos(bow), np.sin(bow)])
@@ -427,26 +427,26 @@ def _turn(piece: SegmentSection) -> Turn:
     return Turn(piece.length, piece.bend, piece.climb, piece.roll)
 
 
-def _range(cell: Cell) -> float:
-    """Return what every joint can turn either way [rad]."""
+def sharpest_bend(cell: Cell, section: BackboneSection, chain: Chain) -> float:
+    """Return the greatest curvature that the joints' ranges can follow [1/m]."""
     low, high = joint_bounds(cell.robot.joints, cell.config.mechanism.drives)
-    return min(*(abs(x) for x in low), *(abs(x) for x in high))
+    most = min(*(abs(x) for x in low), *(abs(x) for x in high))
+    links = np.diff(chain.stations, prepend=0.0)
+    return most / (float(links.max()) * (1.0 if section.axes == "planar" else 2.0))
 
 
-def _arcs(T: Pose, section: BackboneSection, chain: Chain, most: float, where: str) -> Parts[Arcs]:
+def _arcs(T: Pose, cell: Cell, section: BackboneSection, chain: Chain, where: str) -> Parts[Arcs]:
     """Return the pieces of a tunnel one after the other, with the curves across its gaps.
 
-    Raises `ConfigError` for a gap that no curve crosses whose joints turn less than `most` [rad].
+    Raises `ConfigError` for a gap that no curve crosses which joints can follow.
     """
-    links = np.diff(chain.stations, prepend=0.0)
-    per_joint = float(links.max()) * (1.0 if section.axes == "planar" else 2.0)
+    planar, sharpest = section.axes == "planar", sharpest_bend(cell, section, chain)
     pieces: list[Arcs] = []
     for i, piece in enumerate(section.tunnel):
         turns = [_turn(piece)]
         if piece.to is not None:
             to = Pose.from_xyz_rpy(piece.to.xyz, piece.to.rpy)
             try:
-                planar, sharpest = section.axes == "planar", most / per_joint
                 turns = yield from solve_gap(T, to, piece.length, planar, sharpest)
             except ValueError as error:
                 raise ConfigError(f"{where}.tunnel[{i}].to: {error}") from None

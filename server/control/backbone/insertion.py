@@ -166,6 +166,21 @@ class Backbone:
         i, j = (int(x) for x in np.unravel_index(int(used.argmax()), used.shape))
         return float(used[i, j]), i, j
 
+    def require_passable(self, low: Array, high: Array, names: Sequence[str]) -> None:
+        """Raise `ValueError` where joints leave their range (n,) [rad], or links near a wall."""
+        used, i, j = self.turns(low, high)
+        if used > 1.0:
+            raise ValueError(
+                f"{names[j]} would be at {self.fits[i, j]:.3f} rad with the tip "
+                f"{self.depth_at(i):.3f} m inside: its range is {low[j]:.3f} to {high[j]:.3f}"
+            )
+        off, i = self.farthest_off()
+        if off > self.room:
+            raise ValueError(
+                f"links would be {off:.4f} m off the centre line with the tip "
+                f"{self.depth_at(i):.3f} m inside: at most {self.room:.4f} m"
+            )
+
     def farthest_off(self) -> tuple[float, int]:
         """Return how far links of the fits are off the centre line at most [m], and of which."""
         i = int(self._off_centre.argmax())
@@ -459,19 +474,7 @@ class BackboneArm(SerialArm):
         depths = [old.depth(insertion) for insertion in found if insertion is not None]
         if not depths or len(depths) < len(found):
             raise ValueError("the arm is off its curve: bring it back to it first")
-        used, i, j = new.turns(self._joints.lower, self._joints.upper)
-        if used > 1.0:
-            raise ValueError(
-                f"{self._names[j]} would be at {new.fits[i, j]:.3f} rad with the tip "
-                f"{new.depth_at(i):.3f} m inside: its range is {self._joints.lower[j]:.3f} to "
-                f"{self._joints.upper[j]:.3f}"
-            )
-        off, i = new.farthest_off()
-        if off > new.room:
-            raise ValueError(
-                f"links would be {off:.4f} m off the centre line with the tip "
-                f"{new.depth_at(i):.3f} m inside: at most {new.room:.4f} m"
-            )
+        new.require_passable(self._joints.lower, self._joints.upper, self._names)
         inside = np.linspace(0.0, max(0.0, *depths), ALONG)
         stands = "is" if depths[0] == max(depths) else "comes to rest"
         apart = np.linalg.norm(new.curve.arcs.at(inside)[0] - old.curve.arcs.at(inside)[0], axis=1)
