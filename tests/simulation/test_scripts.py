@@ -34,7 +34,8 @@ ELSEWHERE |= {
 ELSEWHERE |= {"shifted", "maze", "maze_space", "tail", "tail_space", "two_tunnels"}
 ELSEWHERE |= {"touch_inside", "figure_5"}
 """`test_tunnel.py`, `test_tunnel_faults.py`, `test_tail.py` and its sister, whole or in part."""
-ELSEWHERE |= {"told_tunnel"}  # `test_told_tunnel.py`
+ELSEWHERE |= {"told_tunnel", "told_gap"}  # `test_told_tunnel.py`
+ELSEWHERE |= {"between_boxes"}  # `test_found_tunnel.py`
 ELSEWHERE |= {"figure_4"}  # `test_planar3.py`
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
 ELSEWHERE |= {"bridge", "bridge_off"}

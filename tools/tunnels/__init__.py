@@ -1,0 +1,1 @@
+"""Tunnels for hyper-redundant arms: found as the free space between obstacles."""
