@@ -57,7 +57,7 @@ def script_text(plans: Mapping[str, ScriptFigures], name: str, wheels: Wheels | 
     the first arm ends on the wall, where it can go straight.
     """
     at = 0.2
-    steps = [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}') for arm in plans]
+    steps = [_step(at, "cmd/posture", mechanism=arm, posture="ready") for arm in plans]
     at += max(plan.ready_s for plan in plans.values())
     first, *others = plans
     for arm in (*others, first):
@@ -98,18 +98,16 @@ def _moves(
     steps = [f"# aside by the stick{'; the verified stop while it moves; on' * stopped}"]
     steps += [_stick(arm, at, plan.aside, 1.0)]
     if stopped:
-        steps += [_step(at + 1.0, '"operator/mode" = { action = "hold" }')]
-        steps += [_step(at + 2.0, '"operator/mode" = { action = "resume" }')]
+        steps += [_step(at + 1.0, "operator/mode", action="hold")]
+        steps += [_step(at + 2.0, "operator/mode", action="resume")]
     at += 2.5
     xyz, rpy = plan.target
     frame = "world" if wheels is None else "base"
-    pose = f'xyz = {_list(xyz)}, rpy = {_list(rpy)}, relative_to = "{frame}"'
-    task = _of(arm, "task")
-    steps += ["# to a pose, and back", _step(at, f'"cmd/position" = {{ {task}{pose} }}')]
+    steps += ["# to a pose, and back"]
+    steps += [_step(at, "cmd/position", task=arm, xyz=xyz, rpy=rpy, relative_to=frame)]
     at += plan.target_s
-    cancelled = f" {task.removesuffix(', ')} " if task else ""
-    steps += [_step(at, f'"cmd/cancel" = {{{cancelled}}}')]
-    steps += [_step(at, f'"cmd/posture" = {{ {_of(arm)}posture = "ready" }}')]
+    steps += [_step(at, "cmd/cancel", task=arm)]
+    steps += [_step(at, "cmd/posture", mechanism=arm, posture="ready")]
     return steps, at + max(plan.ready_s, plan.target_s)
 
 
@@ -130,32 +128,29 @@ def _drive(plan: ScriptFigures, wheels: Wheels, at: float) -> tuple[list[str], f
         (0.0, -w, turn_s),
         (-v, 0.0, go_s),
     ):
-        steps += [_driven(at, ahead, turn), _driven(at + for_s, 0.0, 0.0)]
+        steps += [_step(at, "cmd/drive", rates=[ahead, turn])]
+        steps += [_step(at + for_s, "cmd/drive", rates=[0.0, 0.0])]
         at += for_s + 1.0
     return steps, at, 1.9 * AWAY
 
 
-def _driven(at: float, ahead: float, turn: float) -> str:
-    return _step(at, f'"cmd/drive" = {{ rates = {_list(np.array([ahead, turn]))} }}')
-
-
 def _stick(arm: str, at: float, twist: Array, for_s: float | None = None) -> str:
-    told = f'{_of(arm, "task")}twist = {_list(twist)}, expressed_in = "world"'
-    return _step(at, f'"cmd/joystick" = {{ {told} }}', for_s)
+    return _step(at, "cmd/joystick", for_s, task=arm, twist=twist, expressed_in="world")
 
 
-def _of(arm: str, key: str = "mechanism") -> str:
-    """Return the field that names one of several arms."""
-    return f'{key} = "{arm}", ' if arm else ""
-
-
-def _step(at: float, body: str, for_s: float | None = None) -> str:
+def _step(
+    at: float, topic: str, for_s: float | None = None, **fields: str | Array | list[float]
+) -> str:
+    """Return a step as its file says it; an empty field, as an only arm's name, is left out."""
+    told = []
+    for key, value in fields.items():
+        if isinstance(value, str):
+            told += [f'{key} = "{value}"'] if value else []
+        else:
+            told += [f"{key} = [{', '.join(f'{float(v) + 0.0:.5f}' for v in value)}]"]
     lasts = "" if for_s is None else f"for_s = {for_s}\n"
-    return f"[[step]]\nat_s = {at:.2f}\n{lasts}{body}\n"
-
-
-def _list(values: Array, digits: int = 5) -> str:
-    return "[" + ", ".join(f"{float(v) + 0.0:.{digits}f}" for v in values) + "]"
+    message = f"{{ {', '.join(told)} }}" if told else "{}"
+    return f'[[step]]\nat_s = {at:.2f}\n{lasts}"{topic}" = {message}\n'
 
 
 # --- From a URDF to a cell: what can be read is read, what can be found is found ------------------
