@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -247,10 +248,8 @@ def identify(
     Raises `NotIdentified` where it could not go on, `OperatorError`.
     """
     of = subject or subject_of(cell, None)
-
-    def made(client: ProtocolClient) -> Guide:
-        return Guide(client, stops, of.joints, say=say, mechanism=of.mechanism, task=of.task)
-
+    arm = partial(Guide, mechanism=of.mechanism, task=of.task, joints=of.joints)
+    made = partial(arm, stops=stops, say=say)
     longest_s = min(LONGEST_S, ARRIVE_S * len(stops))
     return _led(cell, made, longest_s, simulate=simulate).checked().samples
 
@@ -270,10 +269,7 @@ def touch(
     """
     of = subject or subject_of(cell, None)
     environment.allowed(of.part, press)
-
-    def made(client: ProtocolClient) -> PressGuide:
-        return PressGuide(client, press, say=say, mechanism=of.mechanism, task=of.task)
-
+    made = partial(PressGuide, press=press, say=say, mechanism=of.mechanism, task=of.task)
     return environment.environment(of.part, _led(cell, made, LONGEST_S, simulate=simulate))
 
 

@@ -302,8 +302,7 @@ class PressGuide(Leader):
                 raise GaveUpError(f"the tool bounces: contact was lost {self._lost} times")
             if not self._in_contact and self._later(self._recent[0].time_s, SETTLE_S):
                 raise GaveUpError("contact lost")
-            in_contact = self._in_contact or not self._later(self._recent[0].time_s, SETTLE_S)
-            if in_contact and (sample.force > 0.7 * low or self._later(since_s, SETTLE_S)):
+            if sample.force > 0.7 * low or self._later(since_s, SETTLE_S):
                 break
             yield
         rough = _stiffness(list(self._recent))
