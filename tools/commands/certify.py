@@ -52,7 +52,9 @@ def run(args: argparse.Namespace) -> int:
                 holder.name, holder.grants.union(old[0]), holder.hosts.union(old[1]), now, args.days
             )
             word = "made" if there is None else "renewed"
-        _tell(word, path, certificate(read(path)))
+        one = certificate(read(path))
+        granted = " ".join(grant.uri.partition(":")[2] for grant in one.grants)
+        _say(f"{word:<7} {path.with_suffix('')}  until {one.ends:%Y-%m-%d}  {granted}")
     for path in write_router(folder, args.listen, args.router):
         _say(f"wrote {path}  configuration of the router")
     return 0
@@ -64,11 +66,6 @@ def _refuse_more(path: Path, there: Certificate, holder: Holder, hosts: frozense
     more += sorted(hosts - there.hosts)
     if more:
         raise ConfigError(f"{path}: does not certify {', '.join(more)}; --renew adds that")
-
-
-def _tell(word: str, path: Path, one: Certificate) -> None:
-    granted = " ".join(grant.uri.partition(":")[2] for grant in one.grants)
-    _say(f"{word:<7} {path.with_suffix('')}  until {one.ends:%Y-%m-%d}  {granted}")
 
 
 def _say(line: str) -> None:

@@ -67,7 +67,21 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
             refusal,
             "other programs can delay a tick; grant rtprio in /etc/security/limits.conf",
         )
-        yield _timer(machine.measure_jitter(duration_s, PERIOD_S), fifo=not refusal)
+        late = machine.measure_jitter(duration_s, PERIOD_S)
+        yield Finding(
+            "timer",
+            graded(late.p99, LATE_S, TOO_LATE_S),
+            f"late by {late.p50 * 1e6:.0f} µs p50, {late.p99 * 1e6:.0f} µs p99, "
+            f"{late.max * 1e6:.0f} µs at most, in {late.wakeups} wake-ups, "
+            f"{'without' if refusal else 'with'} SCHED_FIFO",
+            {
+                "p50_s": late.p50,
+                "p99_s": late.p99,
+                "max_s": late.max,
+                "wakeups": late.wakeups,
+                "sched_fifo": not refusal,
+            },
+        )
     let_sleep()
     refusal = machine.loopback_refusal()
     yield Finding(
@@ -75,7 +89,12 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
         Severity.ERROR if refusal else Severity.OK,
         refusal or "CAN frames cross between processes on 127.0.0.1",
     )
-    yield _kernel_can()
+    refusal, vcan = kernel_can_refusal(), vcan_available()
+    listed = ", ".join(f"{name} {state}" for name, state in can_interfaces().items())
+    text = f"{listed or 'no interface'}; vcan {'available' if vcan else 'not available'}"
+    text = f"none in this kernel ({refusal})" if refusal else text
+    text += "" if listed else "; only real drives need it"
+    yield Finding("kernel CAN", Severity.OK, text, {"interfaces": listed, "vcan": vcan})
     threads = os.environ.get("OPENBLAS_NUM_THREADS")
     yield Finding(
         "BLAS threads",
@@ -117,33 +136,3 @@ def _granted(check: str, refusal: str, otherwise: str) -> Finding:
     if refusal:
         return Finding(check, Severity.WARN, f"{refusal}: {otherwise}", {"granted": False})
     return Finding(check, Severity.OK, "granted", {"granted": True})
-
-
-def _timer(jitter: machine.Jitter, fifo: bool) -> Finding:
-    return Finding(
-        "timer",
-        graded(jitter.p99, LATE_S, TOO_LATE_S),
-        f"late by {jitter.p50 * 1e6:.0f} µs p50, {jitter.p99 * 1e6:.0f} µs p99, "
-        f"{jitter.max * 1e6:.0f} µs at most, in {jitter.wakeups} wake-ups, "
-        f"{'with' if fifo else 'without'} SCHED_FIFO",
-        {
-            "p50_s": jitter.p50,
-            "p99_s": jitter.p99,
-            "max_s": jitter.max,
-            "wakeups": jitter.wakeups,
-            "sched_fifo": fifo,
-        },
-    )
-
-
-def _kernel_can() -> Finding:
-    refusal = kernel_can_refusal()
-    interfaces = can_interfaces()
-    vcan = vcan_available()
-    listed = ", ".join(f"{name} {state}" for name, state in interfaces.items())
-    text = f"{listed or 'no interface'}; vcan {'available' if vcan else 'not available'}"
-    if refusal:
-        text = f"none in this kernel ({refusal})"
-    if not interfaces:
-        text += "; only real drives need it"
-    return Finding("kernel CAN", Severity.OK, text, {"interfaces": listed, "vcan": vcan})
