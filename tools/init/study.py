@@ -26,6 +26,7 @@ _LOOKED_AT: Final = 400
 _ENOUGH: Final = 40  # free postures are looked for until there are so many [1]
 GRANTED: Final = 0.25
 """Part of a straight way that the tool goes at least, where the arm cannot keep its angles [1]."""
+AT_LIMIT: Final = 0.02  # a joint that is nearer to a limit is at it [rad]
 _CROSSED: Final = 200  # postures of several arms that are looked at [1]
 _STEP: Final = 0.005  # of a way that is tried [m]
 
@@ -189,9 +190,9 @@ class Study:
             for s in np.linspace(0.0, 1.0, 20)
         )
 
-    def outside(self, q: Array, room: float = 0.02) -> bool:
+    def outside(self, q: Array) -> bool:
         """Return whether a joint is at a limit."""
-        return bool((q < self.lower + room).any() or (q > self.upper - room).any())
+        return bool((q < self.lower + AT_LIMIT).any() or (q > self.upper - AT_LIMIT).any())
 
     def _far(self) -> Array:
         """Return which capsules more than two joints move (c,)."""

@@ -30,22 +30,18 @@ from ..host.local_plant import until_told
 from ..operator.web.scene import seven
 from .recorder import Recorder
 
+
 # --- The files of one recording: a new one when the last is large, each with the whole cell in it
-Open = Callable[[Path], Recorder]  # opens a file. Raises `OSError`
-
-
 class Files:
     """Recorders one after the other: `STEM_0000.mcap`, `STEM_0001.mcap`, …"""
 
-    def __init__(
-        self, folder: Path, stem: str, cell: Cell, largest: int, opened: Open = Recorder
-    ) -> None:
+    def __init__(self, folder: Path, stem: str, cell: Cell, largest: int) -> None:
         """Open the first; a file that has `largest` bytes is the last but one.
 
         Raises `OSError`.
         """
         self._folder, self._stem, self._cell, self._largest = folder, stem, cell, largest
-        self._open, self._number = opened, 0
+        self._number = 0
         folder.mkdir(parents=True, exist_ok=True)
         self.now = self._next()  # the recorder to write to
 
@@ -64,7 +60,7 @@ class Files:
         self.now.close()
 
     def _next(self) -> Recorder:
-        recorder = self._open(self._folder / f"{self._stem}_{self._number:04d}.mcap")
+        recorder = Recorder(self._folder / f"{self._stem}_{self._number:04d}.mcap")
         recorder.about(self._cell, part=str(self._number))
         self._number += 1
         return recorder

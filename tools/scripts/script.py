@@ -523,9 +523,9 @@ def _end(step: Step, later: list[Step]) -> Step | None:
     return Step(at_s=end_s, operator=step.operator, silence=tuple(step.streams))
 
 
-def load_script(name_or_path: str | Path, base: Path = Path()) -> Script:
+def load_script(name_or_path: str | Path) -> Script:
     """Load a script: a path, or the name of a shipped one. Raises `ConfigError`."""
-    path = script_path(name_or_path, base)
+    path = script_path(name_or_path, Path())
     document = read_toml(path)
     try:
         return Script.model_validate(document)
