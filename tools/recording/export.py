@@ -221,7 +221,8 @@ def write_lerobot(table: TickTable, folder: Path, fps: int, task: str) -> None:
 def _features(table: TickTable, rows: Any) -> tuple[Array, Array, dict[str, Any]]:
     """Return state, action and what their values are; a wrench that was not there is 0."""
     columns, joints = table.columns, table.cell.joints
-    parts, names = [columns["state.q"]], [f"{joint}.pos" for joint in joints]
+    places = [f"{joint}.pos" for joint in joints]
+    parts, names = [columns["state.q"]], list(places)
     for part in table.cell.parts:
         of = part.prefix
         parts += [columns[f"state.{of}pose_mrf"], columns[f"state.{of}wrench_mrf"]]
@@ -229,12 +230,8 @@ def _features(table: TickTable, rows: Any) -> tuple[Array, Array, dict[str, Any]
     state = np.nan_to_num(np.concatenate(parts, axis=1)[rows]).astype(np.float32)
     action = columns["action.q"][rows].astype(np.float32)
     features = {
-        "observation.state": {"dtype": "float32", "shape": [len(names)], "names": names},
-        "action": {
-            "dtype": "float32",
-            "shape": [len(joints)],
-            "names": [f"{joint}.pos" for joint in joints],
-        },
+        name: {"dtype": "float32", "shape": [len(of)], "names": of}
+        for name, of in (("observation.state", names), ("action", places))
     }
     return state, action, features
 

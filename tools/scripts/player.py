@@ -374,7 +374,14 @@ class Player:
 
     def _run(self, step: Step, client: ProtocolClient) -> None:
         if step.message is not None:
-            self._send(step.message, client, self._noted(step.at_s, step.message.topic))
+            topic = step.message.topic
+
+            def note(reply: requests.Reply) -> None:
+                if not reply.ok:
+                    why = f"{reply.reason}: {reply.detail}"
+                    self.refused.append(f"{step.at_s:g} s: {topic.key}: {why}")
+
+            self._send(step.message, client, note)
         for stream in step.silence:
             key, _, named = stream.partition(":")
             client.end_stream(SPOKEN[key], named or None)
@@ -417,12 +424,3 @@ class Player:
 
     def _tell(self, news: ObstacleNews) -> None:
         self._put(t.OBSTACLE.by(SCRIPT), encode(news), b"")
-
-    def _noted(self, at_s: float, topic: t.Topic) -> OnReply:
-        """Return what notes a refusal of a topic's message."""
-
-        def note(reply: requests.Reply) -> None:
-            if not reply.ok:
-                self.refused.append(f"{at_s:g} s: {topic.key}: {reply.reason}: {reply.detail}")
-
-        return note

@@ -153,7 +153,9 @@ def _watch(draw: Draw, cell: Cell, at_s: float, end_s: float) -> list[Step]:
         step(at_s, {"cmd/cancel": {}}),
         *_keep_view(camera, at_s + 0.02),
     ]
-    homes = _standing(cell)
+    rig = cell.config.rig
+    tags = () if rig is None else rig.tags
+    homes = {t.name: t.T_world_tag.xyz for t in tags if t.T_world_tag is not None}
     while at_s < end_s - 0.1:
         at_s += float(draw.uniform(0.1, 0.3))
         tag = str(draw.choice(_tags(cell)))
@@ -183,12 +185,6 @@ def _keep_view(camera: str, at_s: float) -> list[Step]:
 def _tags(cell: Cell) -> list[str]:
     rig = cell.config.rig
     return [] if rig is None else [t.name for t in rig.tags]
-
-
-def _standing(cell: Cell) -> dict[str, tuple[float, float, float]]:
-    rig = cell.config.rig
-    tags = () if rig is None else rig.tags
-    return {t.name: t.T_world_tag.xyz for t in tags if t.T_world_tag is not None}
 
 
 # --- Hostile acts of operators: each returns the steps of one segment of a script -----------------
