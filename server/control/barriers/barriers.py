@@ -140,9 +140,11 @@ class ConstraintSet:
                 if arm.desired.found.wheels_commanded
             ]
             costs = [WIDEN_BESIDE if arm.desired.stance.tool_stays else WIDEN for arm in arms]
+            told, kept = (None, None) if rows is None else (rows[:2], rows.kept)
             found = nearest(
-                dq, J, low, high, V, self._length, rows, self._tool, links, tuple(wheels), costs
-            )
+                dq, J, low, high, V, self._length, told, self._tool, links, tuple(wheels), costs,
+                kept,
+            )  # fmt: skip
             for i, b in enumerate(bounded):
                 # Rates that all bounds of joints allow are inside the leash, and slower ones too.
                 held = b.leash is not None and bool(b.leash.left_by(dq[self.parts[i]]))

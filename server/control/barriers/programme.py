@@ -9,8 +9,8 @@ is, it is what approaches that goes. The rest slides on, along the barrier; wher
 of the motion but what approaches, the arm stands.
 
 Barriers are hard, where standing keeps them all; where a joint is to be led back into its limits,
-those of the joint rates are, and the others as well as can be. That a gap which is inside its bound
-is widened has a price: as well as it can be, and never by closing another.
+those of the joint rates are, and the others as well as can be. That a gap is widened has a price:
+as well as it can be, and never by closing another faster than the room of that one allows.
 
 The solver is not trusted. Opposed or nearly dependent barriers make it find no solution where
 standing is one, or one that breaks barriers by its tolerance. So what it finds is looked at; if it
@@ -47,7 +47,7 @@ SELF_MOTION = 0.05
 """Cost of joint rates other than asked, per part of V squared."""
 
 WIDEN = 1e4
-"""Cost of not widening a gap as told, per (m/s)²; it is never worth closing another."""
+"""Cost of not widening a gap as told, per (m/s)²; it is never worth closing one without room."""
 WIDEN_BESIDE = 10.0
 """The same where the tool is to stay: self-motion is worth it, leaving the place is not."""
 UNBOUNDED = 1e30
@@ -100,15 +100,16 @@ def nearest(
     links: Sequence[PayloadLink] = (),
     wheels: Sequence[int] = (),
     widen: Sequence[float] | None = None,
+    kept: Array | None = None,
 ) -> NearestRates:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
     `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
     J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
-    A (m, n) and b (m,) of further barriers A dq ≥ b; those with b > 0 are to be widened, at the
-    cost `widen` of each tool (t,). `links` are tools on one payload. Of driven `wheels`, by the
-    places of the left ones, each pair keeps its proportion. There always are such rates; raises
-    `BarrierError` where an argument is not finite.
+    A (m, n) and b (m,) of further barriers A dq ≥ b. Those of which less is `kept` (m,), 0 at most
+    and min(b, 0) if None, are to be widened, at the cost `widen` of each tool (t,). `links` are
+    tools on one payload. Of driven `wheels`, by the places of the left ones, each pair keeps its
+    proportion. There always are such rates; raises `BarrierError` where an argument is not finite.
     """
     n = len(dq)
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
@@ -117,18 +118,19 @@ def nearest(
         led = DrivenWheels.of(dq, low, high, wheels)
         found_led = nearest(
             led.asked, J @ led.whole, led.low, led.high, velocity[led.kept], characteristic_length,
-            (slopes @ led.whole, least), tool[led.kept], links, (), widen,
+            (slopes @ led.whole, least), tool[led.kept], links, (), widen, kept,
         )  # fmt: skip
         return found_led._replace(dq=led.whole @ found_led.dq)
     length = ATTITUDE * characteristic_length
     costs = np.full(tool.max() + 1, WIDEN) if widen is None else np.array(widen)
+    hard = np.minimum(least, 0.0) if kept is None else kept
     H, f, A, upper, lower, sense = _programme(
-        dq, J, tool, low, high, velocity, slopes, least, costs, length
+        dq, J, tool, low, high, velocity, slopes, least, hard, costs, length
     )
     for link in links:
         H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
-    wrong = violation(slopes, least, found[:n])
+    wrong = violation(slopes, hard, found[:n])
     if math.isnan(found.sum()) or math.isnan(low.sum() - high.sum()):  # no bound to the solver
         wrong = math.inf
     fallback: Fallback = ""
@@ -144,7 +146,7 @@ def nearest(
                 found[:n], found[n:] = np.clip(0.0, low, high), SLIDE
                 fallback = "barriers_stand"
             elif not led_back:
-                found[:n], share = settled(found[:n], slopes, least, low, high, H[:n, :n])
+                found[:n], share = settled(found[:n], slopes, hard, low, high, H[:n, :n])
                 if share < _SLOWED:
                     fallback = "barriers_slow"
     for link in links:
@@ -158,10 +160,10 @@ def _check_finite(**arguments: Array) -> None:
             raise BarrierError(f"{name} is not finite: {values}")
 
 
-@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, NUMBER)
+@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
 def _programme(
     dq: Array, J: Array, tool: Index, low: Array, high: Array, velocity: Array, slopes: Array,
-    least: Array, costs: Array, length: float,
+    least: Array, kept: Array, costs: Array, length: float,
 ) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:  # fmt: skip
     """Return H, f, A and the bounds above and below of the unknowns, then of the rows of A.
 
@@ -174,7 +176,7 @@ def _programme(
     n, m, tools = len(dq), len(least), tool.max() + 1
     widened, wide = np.empty(m, dtype=np.int64), 0
     for i in range(m):
-        if least[i] > 0.0:
+        if least[i] > kept[i]:
             widened[wide] = i
             wide += 1
     slack = n + tools
@@ -213,7 +215,7 @@ def _programme(
     for t in range(tools):
         lower[n + t], upper[n + t] = SLIDE, 1.0
     for i in range(m):
-        lower[size + i] = min(least[i], 0.0)
+        lower[size + i] = kept[i]
         for j in range(n):
             A[i, j] = slopes[i, j]
     for i in range(wide):

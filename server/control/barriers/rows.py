@@ -36,9 +36,9 @@ from ..spatial import Array, Pose
 # there the arm can still come to go aside at u while the other is t away. For news shows late how
 # fast it comes, and among several there has to be room to go aside. Where the room is used up, the
 # gap is widened at k times by how much, up to `CATCH_UP` u. So a gap that something closes comes to
-# rest where it just cannot be lost, and opens again before what was late is; and what is far may be
-# approached: it does not hold the arm before what is near. All is continuous in d, never less
-# where d is, and v(d) at u = 0.
+# rest where it just cannot be lost, and opens again before what was late is. All is continuous in
+# d, never less where d is, and v(d) at u = 0. It is a wish: of what the arm does itself, each gap
+# may close at v(d). So what is far does not hold the arm before what is near.
 
 BRAKING = 0.7
 """Part a'/A of the deceleration that is counted on."""
@@ -66,7 +66,9 @@ class Rows(NamedTuple):
     A: Array
     """(m, n)."""
     low: Array
-    """(m,)."""
+    """What they are to be (m,) [m/s], as well as can be where that is more than `kept`."""
+    kept: Array
+    """What they are at least (m,) [m/s], 0 at most: standing keeps it."""
 
     @staticmethod
     def of_all(each: "Sequence[Rows]") -> "Rows":
@@ -126,7 +128,7 @@ class Braking:
         """
         acceleration, lag = self.acceleration, self.lag(factor)
         count, n = len(slopes) + len(tool.heights), len(acceleration)
-        found = Rows(np.empty((count, n)), np.empty(count))
+        found = Rows(np.empty((count, n)), np.empty(count), np.empty(count))
         _damp(slopes, room, *closing, *tool, acceleration, factor, lag, widen, *found)
         return found
 
@@ -139,14 +141,15 @@ def _closing(a: float, b: float, room: float) -> float:
 
 @compiled(
     MATRIX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR,
-    NUMBER, NUMBER, FLAG, TABLE, ROW,
+    NUMBER, NUMBER, FLAG, TABLE, ROW, ROW,
 )  # fmt: skip
 def _damp(
     gaps: Array, room: Array, closing: Array, coming: Array,
     J: Array, p: Array, normals: Array, heights: Array,
     acceleration: Array, factor: float, lag: float, widen: bool, slopes: Array, least: Array,
+    kept: Array,
 ) -> None:  # fmt: skip
-    """Write slopes (k + w, n) of gaps and walls, and the rates (k + w,) [m/s] they keep above.
+    """Write slopes (k + w, n) of gaps and walls, and their rates (k + w,) [m/s], see `Rows`.
 
     The law of this page. Of all motions with one approach speed, the one with the least joint rates
     has the deceleration that is counted on; `factor` times `acceleration` (n,) is the joints'.
@@ -175,6 +178,7 @@ def _damp(
                 aside = max(aside, min(-ASIDE_RATE * left, CATCH_UP * u))
         if widen:
             least[i] += min(RETURN_RATE * max(-left, 0.0), RETURN_SPEED)
+        kept[i] = min(least[i], 0.0)
         least[i] = max(least[i], aside)
 
 

@@ -150,7 +150,7 @@ def test_the_programme_has_the_costs_that_are_stated(rng, tool):
     low, high, slopes = -V, V, rng.normal(size=(3, n))
     least = np.array([-0.2, 0.01, -0.1])
     costs = rng.uniform(1.0, 1e4, tools)
-    posed = (dq, J, tool, low, high, V, slopes, least, costs, length)
+    posed = (dq, J, tool, low, high, V, slopes, least, np.minimum(least, 0.0), costs, length)
     H, f, A, upper, lower, sense = nearest_module._programme(*posed)
     weight = np.diag([1.0] * 3 + [length] * 3)
     for _ in range(10):
@@ -201,8 +201,9 @@ def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
     else:
         high[2] = -0.01
     least = np.array([-0.2, 0.01, -0.1])
+    tool, kept = np.zeros(n, dtype=np.int64), np.minimum(least, 0.0)
     *_, sense = nearest_module._programme(
-        dq, J, np.zeros(n, dtype=np.int64), low, high, V, slopes, least, np.ones(1), 0.4
+        dq, J, tool, low, high, V, slopes, least, kept, np.ones(1), 0.4
     )
     # The rates, the share and what widening falls short by; three barriers, and the widening.
     np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])
@@ -354,9 +355,9 @@ def test_each_gap_is_widened_at_the_least_cost_of_the_tools_that_it_concerns(rng
         [1.0, 0.5, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.3, 1.0, 0.2, 0.0],
         [0.0] * 6, [0.4, 0.0, 0.6, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.7, 0.0],
     ])  # fmt: skip
-    least = np.array([0.01, 0.02, 0.03, 0.04, 0.0])
+    least, none = np.array([0.01, 0.02, 0.03, 0.04, 0.0]), np.zeros(5)
     H, f, A, upper, lower, sense = nearest_module._programme(
-        RATE, UNIT, tool, -np.ones(6), np.ones(6), np.ones(6), slopes, least, costs, L
+        RATE, UNIT, tool, -np.ones(6), np.ones(6), np.ones(6), slopes, least, none, costs, L
     )
     # Six rates, three shares, and what each of the four gaps falls short by.
     assert H.shape == (13, 13)
@@ -376,7 +377,7 @@ def test_each_gap_is_widened_at_the_least_cost_of_the_tools_that_it_concerns(rng
     low, high = -np.ones(6), np.ones(6)
     low[0] = high[1] = 0.0
     *_, sense = nearest_module._programme(
-        RATE, UNIT, tool, low, high, np.ones(6), slopes, least, costs, L
+        RATE, UNIT, tool, low, high, np.ones(6), slopes, least, none, costs, L
     )
     assert not sense.any()
 
@@ -414,6 +415,21 @@ def test_a_tool_that_may_stay_widens_a_gap_only_as_far_as_that_is_worth_it():
     for found, cost in ((told, 1e4), (beside, 10.0)):
         expected = 0.1 * cost / (cost + 1000.0 + 0.05)
         assert found.dq[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_gap_that_may_close_does_not_hold_what_opens_another():
+    """Both are to open, along one joint: the one that is to open faster does, the other closes."""
+    rows = np.array([UNIT[0], -UNIT[0]]), np.array([0.2, 0.1])
+    none, one = np.zeros(6), np.ones(6)
+    held = nearest(none, UNIT, -one, one, one, L, rows)
+    assert abs(held.dq[0]) < 1e-6
+    found = nearest(none, UNIT, -one, one, one, L, rows, kept=np.array([0.0, -0.3]))
+    # Where both fall as far short: (0.2 − 0.1) / 2.
+    assert found.dq[0] == pytest.approx(0.05, rel=0.1)
+    # What neither leaves room for stands, and no gap closes faster than it may.
+    for kept in ([0.0, -0.02], [0.0, 0.0], [-0.02, 0.0]):
+        found = nearest(none, UNIT, -one, one, one, L, rows, kept=np.array(kept))
+        assert (np.array([1.0, -1.0]) * found.dq[0] >= np.array(kept) - 1e-9).all()
 
 
 def test_tools_on_one_payload_have_one_share():

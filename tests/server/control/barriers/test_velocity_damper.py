@@ -54,7 +54,9 @@ def test_what_comes_is_made_way_for(gaps, widen):
     alone = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen).low
     gently = BRAKES.rows(slopes, room, (closing, STANDS), NO_WALLS, 1.0, widen=False).low
     coming = np.linspace(-0.1, 0.3, 60).clip(0.0)
-    low = BRAKES.rows(slopes, room, (closing, coming), NO_WALLS, 1.0, widen).low
+    low, kept = BRAKES.rows(slopes, room, (closing, coming), NO_WALLS, 1.0, widen)[1:]
+    # Of what the arm does itself, a gap may close as if nothing came.
+    np.testing.assert_array_equal(kept, np.minimum(alone, 0.0))
     stands = coming == 0.0
     np.testing.assert_array_equal(low[stands], alone[stands])
     depth = np.maximum(closing * BRAKES.lag(1.0) - room, 0.0)
