@@ -33,6 +33,8 @@ from .rows import Braking, Resistance, Rows, Walls
 
 HORIZON_S: Final = 0.4
 """Moving obstacles count if they can be near within this time [s]."""
+FRESH_S: Final = 0.2
+"""Older news does not show that something stands [s]."""
 ROUNDEST: Final = 0.02
 """Paths of links around things are no more curved than a circle with this radius [m]."""
 
@@ -98,6 +100,21 @@ def _keep(
         if len(nearer):
             room[i] -= nearer[0, i]
     return _hold(tube, gap, promise, nearer, between, needed, floor, which)
+
+
+def standing(near: NearPairs, scene: Scene) -> Flags:
+    """Return whose second may move, and counts as standing (k,).
+
+    It does by fresh news where nothing comes, while what may move is nearer than promised to
+    something that the same joints move: a promise that is broken now is mended before one that
+    might be. Such gaps keep what they need, but nothing for what would do if it set out.
+    """
+    movable = near.speed > 0.0
+    broken = movable & (near.gap < near.promise)
+    if not np.count_nonzero(broken) or np.count_nonzero(near.approach):
+        return np.zeros(near.size, dtype=bool)
+    beside = near.rows[:, near.rows[broken].any(axis=0)].any(axis=1)
+    return np.asarray(movable & ~broken & (scene.age[near.obstacle] <= FRESH_S) & beside)
 
 
 def wanted(
@@ -270,6 +287,12 @@ class Clearance:
             self._margin, self._between,
         )  # fmt: skip
         levels = self._floors(near, floor, which, scene, levels)
+        if not still and base is None and scene is not None:
+            stands = standing(near, scene)
+            soon = self._nearer(near, scene, base, [LATENCY * self._period_s])[0]
+            near = near._replace(speed=np.where(stands, 0.0, near.speed))
+            room = np.where(stands, room + soon, room)
+            floor = np.where(stands, np.minimum(floor, needed), floor)
         return NearGaps(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
 
     def violation(
@@ -308,6 +331,9 @@ class Clearance:
             nearer = self._nearer(near, sight.scene, sight.base, [HORIZON_S])
         needed, floor, which = held(tube, near.gap, near.promise, nearer, self._between)
         self._floors(near, floor, which, sight.scene, sight.levels)
+        if not sight.still and sight.base is None and sight.scene is not None:
+            stands = standing(near, sight.scene)
+            floor = np.where(stands, np.minimum(floor, needed), floor)
         return sight._replace(around=way, near=near, tube=tube, needed=needed, floor=floor)
 
     def _sampled(

@@ -33,6 +33,13 @@ def test_an_arm_gets_out_of_the_way_of_what_is_near_while_another_comes(seed):
     assert run.reasons == []
 
 
+@pytest.mark.parametrize("seed", [71, 1275])
+def test_an_arm_leaves_what_it_is_too_near_to_past_others_that_stand(seed):
+    run = play(seed)
+    assert run.left
+    assert run.reasons == []
+
+
 def test_the_label_is_of_the_scene_alone():
     cell = load_cell("pa10")
     for seed in range(4):

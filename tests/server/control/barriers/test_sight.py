@@ -13,6 +13,7 @@ from telerobot.server.control.barriers.clearance import (
     SLACK,
     Clearance,
     Shown,
+    standing,
     wanted,
 )
 from telerobot.server.control.compiled import evolve
@@ -112,12 +113,14 @@ def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, cle
             tube = np.abs(near.rows) @ np.abs(error)
             needed = near.promise + tube + BETWEEN * margin
             comes = np.where(near.obstacle >= 0, around.speed[near.obstacle], 0.0) * wait_s
-            room = near.gap - near.promise - margin - tube - comes - near.carried * wait_s
+            stands = (comes > 0.0) & (near.speed == 0.0) if base is None else comes < 0.0
+            room = near.gap - near.promise - margin - tube - near.carried * wait_s
+            room -= np.where(stands, 0.0, comes)
             assert sight.tube == pytest.approx(tube, abs=1e-12)
             assert sight.needed == pytest.approx(needed, abs=1e-12)
             assert sight.room == pytest.approx(room, abs=1e-12)
             below = near.gap < needed + comes * HORIZON_S / wait_s + near.carried * HORIZON_S
-            np.testing.assert_array_equal(np.isfinite(sight.floor), below)
+            np.testing.assert_array_equal(np.isfinite(sight.floor), below | stands)
             assert len(sight.levels) == below.sum()
             held += below.sum()
             # The way of capsules is that of joints which brake.
@@ -137,6 +140,60 @@ def test_an_arm_that_stands_keeps_what_it_can_however_old_news_is(pa10, clear):
     late = sight.near.gap - sight.needed - HORIZON_S * sight.near.speed
     assert ((late > 0.0) & (sight.room < 0.0)).any()
     assert clearance.violation(sight, 0.1, none, lambda t: np.tile(q, (len(t), 1))) == 0.0
+
+
+def test_what_stands_counts_as_standing_only_while_a_promise_is_broken(pa10, clear):
+    clearance, scene = clear
+    moving = evolve(scene, speed=np.full(3, 0.3), still_after=np.full(3, np.inf))
+    q, none, far = pa10.posture("ready"), np.zeros(7), np.full(7, 3.0)
+    near = clearance.look(q, far, none, moving, 1.0, {}).near
+    others = near.obstacle >= 0
+    k, j, i = np.flatnonzero(others)[:3]
+    rows = np.zeros_like(near.rows)
+    rows[:, :3] = 1.0
+    seen = near._replace(gap=near.promise + 0.05, rows=rows, approach=np.zeros(near.size))
+    assert not standing(seen, moving).any()
+    # One that is nearer than promised: all others of the same joints stand.
+    expected, broken = others.copy(), seen.gap.copy()
+    expected[k], broken[k] = False, near.promise[k] - 1e-6
+    seen = seen._replace(gap=broken)
+    np.testing.assert_array_equal(standing(seen, moving), expected)
+    # None does while anything comes.
+    seen.approach[i] = 0.02
+    assert not standing(seen, moving).any()
+    seen.approach[i] = 0.0
+    # Nor what other joints move, nor what news is old of.
+    rows[j], expected[j] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0], False
+    np.testing.assert_array_equal(standing(seen, moving), expected)
+    aged = evolve(moving, age=np.where(np.arange(3) == near.obstacle[i], 0.0, 0.21))
+    expected &= near.obstacle == near.obstacle[i]
+    np.testing.assert_array_equal(standing(seen, aged), expected)
+    # A promise to what never moves, and one between links, are no reason.
+    broken[others] = near.promise[others] + 0.05
+    broken[~others] = near.promise[~others] - 0.01
+    assert not standing(seen, moving).any()
+
+
+def test_what_stands_is_approached_to_what_its_gap_needs(pa10, clear):
+    """The ball is nearer than promised: nothing is kept for where the pole might go to."""
+    clearance, scene = clear
+    assert scene.names[:2] == ("ball", "pole")
+    moving = evolve(scene, speed=np.array([0.3, 0.3, 0.0]), still_after=np.full(3, np.inf))
+
+    def seen(wider):
+        around = evolve(moving, clearance=scene.clearance + np.array([wider, 0.0, 0.0]))
+        sight = clearance.look(pa10.posture("ready"), np.full(7, 3.0), np.zeros(7), around, 1.0, {})
+        moved = sight.near.rows.any(axis=1)
+        return sight, *(moved & (sight.near.obstacle == thing) for thing in (0, 1))
+
+    kept, ball, pole = seen(0.0)
+    assert (kept.near.speed[ball | pole] == 0.3).all()
+    sight, ball, stands = seen(float(kept.near.gap[ball].min()))
+    assert (sight.near.speed[ball] == 0.3).any()
+    assert (sight.near.speed[stands] == 0.0).all()
+    assert sight.room[stands] == pytest.approx(kept.room[pole] + 0.3 * 0.03)
+    assert (sight.near.gap[stands] > sight.needed[stands]).all()
+    assert sight.floor[stands] == pytest.approx(sight.needed[stands])
 
 
 @pytest.mark.parametrize("looks", [1, 4])
