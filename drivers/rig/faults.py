@@ -14,6 +14,8 @@
 | stick | joint | extra Coulomb friction [N·m], half the drive's torque by default |
 | slip | wheel | its friction on the floor, 0.05 by default |
 | freeze | force_torque | 0: repeats its last sample (default); 1: sends none |
+| freeze | imu | repeats its last sample |
+| bias | imu | its gyroscope reads so much more about each axis [rad/s], 0.06 by default |
 | push | joint, force_torque | `vector` [N] in World at the link's centre of mass, at the MRF |
 | slip | force_torque | the payload that arms hold together slips out of this one's grasp |
 | hand | force_torque | `vector` [N] in World at the MRF; comes and goes in `value` s, as sin² |

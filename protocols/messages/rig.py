@@ -19,14 +19,15 @@ class RigFault(Message):
     `target` is the name of a joint or of another device (`left.s1` in a cell of several
     mechanisms), `scanner`, a bus for `unplug`, a tag for `cover` and `move`, an obstacle for
     `place`, or "base" or "carrier" for `silence`; `value` depends on the kind: probability for
-    `drop` and `corrupt`, seconds for `delay`, friction for `slip` of a wheel. `vector` is in World:
-    the force [N] at the joint's link for `push` or at the MRF for `hand` (whose `value` is how long
-    it takes to come and go [s]), the new place [m] for `move` and `place`.
+    `drop` and `corrupt`, seconds for `delay`, friction for `slip` of a wheel, rad/s for `bias` of
+    an inertial unit. `vector` is in World: the force [N] at the joint's link for `push` or at the
+    MRF for `hand` (whose `value` is how long it takes to come and go [s]), the new place [m] for
+    `move` and `place`.
     """
 
     kind: Literal[
         "silence", "fault", "stick", "block", "drop", "delay", "corrupt", "freeze", "push", "emcy",
-        "cover", "move", "place", "hand", "unplug", "crop", "slip", "restart",
+        "cover", "move", "place", "hand", "unplug", "crop", "slip", "restart", "bias",
     ]  # fmt: skip
     target: str = Field(max_length=80)
     on: bool = True

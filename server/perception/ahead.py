@@ -291,7 +291,11 @@ class Passage:
 #
 # A gyroscope sees at once how Base turns (gyrodometry: Borenstein and Feng 1996). Wheels know it
 # better in the long run, so they are believed while both agree; while they do not, wheels slip,
-# and the turn is the gyroscope's. What it reads while the wheels stand is its bias.
+# and the turn is the gyroscope's. What it reads while the wheels stand is its bias (a zero-rate
+# update); it drifts slowly, and is followed while a base goes straight, too. A bias that jumps
+# looks like slip until the wheels stand: nothing turns a base evenly on wheels that stand. Then it
+# is the bias, and what it had turned Base by is taken back, slowly. So is what a unit said in the
+# time in which it fell silent or stuck, before its driver knew.
 
 REMEMBERED_S: Final = 2.0
 """News that is older is of no use [s]."""
@@ -307,6 +311,14 @@ STILL: Final = 1e-3
 """Wheels that turn Base more slowly stand [rad/s]."""
 BIAS_S: Final = 0.5
 """Time constant of the gyroscope's bias, while wheels stand [s]."""
+STRAIGHT: Final = 0.02
+"""Wheels that turn Base more slowly go straight [rad/s]."""
+STRAIGHT_S: Final = 10.0
+"""Time constant of the bias while a base goes straight: of its drift with the temperature [s]."""
+EVEN_S: Final = 1.0
+"""Beside wheels that stand, a rate that is even over so long is a bias that jumped [s]."""
+EVEN: Final = 0.3
+"""Even is a rate whose halves differ by less than this part of `slip_rate` [1]."""
 AGREES: Final = 0.5
 """Wheels grip again when odometry and news differ by less than this part of a slip [1]."""
 
@@ -332,6 +344,14 @@ class BaseTracker:
         self._bias: float | None = None
         """What it reads while Base stands [rad/s]; None before that was seen."""
         self._stood_s = self._first_bias = 0.0
+        self._beside = deque[float](maxlen=round(EVEN_S / period_s))
+        """What it read more than its bias while the wheels stood, the newest last [rad/s]."""
+        self._turned_s = 0.0
+        """For how long it turned Base since it last agreed with wheels that stood [s]."""
+        self._repeated = 0.0
+        """By what it turned Base while its samples were equal: it may have stuck [rad]."""
+        self._back = 0.0
+        """What it had turned Base by wrongly, and is taken back [rad]."""
         self._slid = 0.0
         """Turn of the last second that the wheels missed [rad]."""
         self._events = events
@@ -364,13 +384,19 @@ class BaseTracker:
     def step(self, tick: int, told: Motion | None, q: Array) -> Body:
         """Return the base for the command of `tick`; joints are measured at q (n,) [rad]."""
         wheels, commanded = q[:2], None if told is None else told.q[:2]
+        way = wheels - self.odometry.measured.wheels if self._begun else np.zeros(2)
         if commanded is None or not self._begun:
             self.odometry = self.odometry.forget(wheels, wheels)
             self._begun = True
-        off = self._missed_turn(wheels - self.odometry.measured.wheels)
+        off = self._missed_turn(way)
+        if commanded is None:
+            off = self._turned_s = self._repeated = self._back = 0.0
         self.odometry = self.odometry.rolled(self._rolling, commanded, wheels)
         most = self._section.correction
-        if off != 0.0 and commanded is not None:
+        if self._back != 0.0:
+            self.odometry = self.odometry.slid(self.odometry.measured, 0.0, 0.0, self._back)
+            self._slid, self._back = 0.0, 0.0
+        if off != 0.0:
             # It is turned by that, not told late of it: so it is as quickly right again.
             self.odometry = self.odometry.slid(self.odometry.measured, 0.0, 0.0, off)
             most = most[0], most[1] + abs(off) / self._period_s
@@ -391,12 +417,16 @@ class BaseTracker:
     def _missed_turn(self, way: Array) -> float:
         """Return by how much more Base turned than wheels did on a `way` (2,) [rad]; 0 for agreed.
 
-        While the wheels stand, the gyroscope's bias is learnt.
+        While the wheels stand, the gyroscope's bias is learnt; while they go straight, followed.
         """
         self._slid *= 1.0 - self._period_s / SLIPS_S
         if self._rate is None or self._rate_before is None:
             self._stood_s = 0.0
+            self._beside.clear()
+            self._back, self._repeated = -self._repeated, 0.0
             return 0.0
+        if self._rate != self._rate_before:
+            self._repeated = 0.0
         wheels = self._rolling.turn * float(way[1] - way[0]) / self._period_s
         off = 0.5 * (self._rate_before + self._rate) - wheels
         stand = self._rolling.turn * float(np.abs(way).max()) < STILL * self._period_s
@@ -405,12 +435,50 @@ class BaseTracker:
             self._learn_first(off)
             return 0.0
         off -= self._bias
+        if not stand:
+            self._beside.clear()
+        elif self._jumped(off):
+            return 0.0
         if abs(off) > self._section.slip_rate:
             self._slid += off * self._period_s
+            self._turned_s += self._period_s
+            self._repeated += off * self._period_s
             return off * self._period_s
         if self._stood_s > STAND_S:
             self._bias += off * self._period_s / BIAS_S
+            self._turned_s = 0.0
+        elif abs(wheels) < STRAIGHT:
+            self._bias += off * self._period_s / STRAIGHT_S
         return 0.0
+
+    def _jumped(self, off: float) -> bool:
+        """Take in what the gyroscope reads more than its bias beside wheels that stand [rad/s].
+
+        Return whether the bias jumped: then it is the new one, or none where that is too great, and
+        what it had turned Base by is to be taken back.
+        """
+        self._beside.append(off)
+        if len(self._beside) < (self._beside.maxlen or 0):
+            return False
+        told, most = np.array(self._beside), self._section.slip_rate
+        mean, half = float(told.mean()), len(told) // 2
+        even = abs(float(told[:half].mean() - told[half:].mean())) < EVEN * most
+        if abs(mean) <= most or not even or float(np.abs(told - mean).max()) > most:
+            return False
+        self._back = -mean * self._turned_s
+        bias = mean if self._bias is None else self._bias + mean
+        believed = abs(bias) <= MOST_BIAS
+        self._bias = bias if believed else None
+        self._stood_s = self._first_bias = self._turned_s = self._repeated = 0.0
+        self._beside.clear()
+        self._events.warning(
+            "gyroscope_biased",
+            f"it reads {bias:+.3f} rad/s beside wheels that stand: "
+            + ("its new bias" if believed else f"at most {MOST_BIAS:g}, so wheels are believed"),
+            bias_rad_s=bias,
+            taken_back_rad=-self._back,
+        )
+        return True
 
     def _learn_first(self, off: float) -> None:
         """Take the mean over wheels that stand for the bias; until then they are believed."""

@@ -171,6 +171,8 @@ class SimulatedForceTorque:
 # --- The simulated inertial measurement unit: specific force and rate, at each SYNC ----
 
 IMU_EDS: Final = Path(__file__).resolve().parents[3] / "config" / "devices" / "simulated_imu.eds"
+MOST_BIAS: Final = 10.0
+"""Of the fault `bias` [rad/s]."""
 _OBJECTS: Final = (0x3102, 0x3103)
 """Specific force and angular rate, in its data sheet."""
 
@@ -179,7 +181,7 @@ class SimulatedImu(CanNode):
     """Samples the `motion` of its link (two of (3,), [m/s²], [rad/s]) once at an instant.
 
     Bias and noise are added; beyond its range it reads the range's end. The fault `freeze` repeats
-    the last sample.
+    the last sample, `bias` is a gyroscope's whose bias jumps.
     """
 
     def __init__(
@@ -193,6 +195,8 @@ class SimulatedImu(CanNode):
         super().__init__(imu.node, link, clock, IMU_EDS)
         truth, self._motion, self._rng = imu.virtual, motion, rng
         self._bias = np.array([truth.acceleration_bias, truth.rate_bias])
+        self._shift = np.zeros((2, 1))
+        """By which all axes of either sensor read more than at the start."""
         self._noise = np.array([[truth.acceleration_noise], [truth.rate_noise]])
         self._scale = np.array([[imu.acceleration_per_bit], [imu.rate_per_bit]])
         self._most = np.array([[imu.acceleration_range], [imu.rate_range]])
@@ -216,17 +220,21 @@ class SimulatedImu(CanNode):
         return cls(imu, bench.link(), motion, bench.rng(), bench.clock)
 
     def inject(self, fault: RigFault) -> None:
-        """Freeze the sample. Raises `ValueError` for other faults."""
-        if fault.kind != "freeze":
-            raise ValueError(f"fault {fault.kind}: an imu can only freeze")
-        self._frozen = fault.on
+        """Freeze the sample, or shift the gyroscope's. Raises `ValueError` for other faults."""
+        if fault.kind == "bias":
+            more = value_of(fault, -MOST_BIAS, MOST_BIAS, "rad/s", default=0.06)
+            self._shift[1] = more if fault.on else 0.0
+        elif fault.kind == "freeze":
+            self._frozen = fault.on
+        else:
+            raise ValueError(f"fault {fault.kind}: an imu can only freeze, or have a bias")
 
     def sample(self) -> None:
         """Write a new sample, unless this instant's is there already."""
         now = self.clock()
         if now != self._sampled_s and not self._frozen:
             self._sampled_s = now
-            reading = np.array(self._motion()) + self._bias
+            reading = np.array(self._motion()) + self._bias + self._shift
             reading += self._noise * self._rng.normal(size=(2, 3))
             held = np.clip(reading, -self._most, self._most)
             counts = np.rint(held / self._scale).astype(int).ravel().tolist()

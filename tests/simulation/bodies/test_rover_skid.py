@@ -9,9 +9,12 @@ ROLLS = {"slip_factor": 1.0, "centre": 0.0}
 """What wheels are taken for that do not skid."""
 
 
-def turned(play, v: float, w: float, **wheels: float) -> tuple[float, float, float]:
+def turned(
+    play, v: float, w: float, *, gyroscope: bool = False, **wheels: float
+) -> tuple[float, float, float]:
     """Drive for two seconds; return the true turn [rad], and what odometry is off [m], [rad]."""
-    keys = {f"mechanism.base.wheels.{key}": value for key, value in wheels.items()}
+    keys: dict[str, object] = {} if gyroscope else {"mechanism.imu": None}
+    keys |= {f"mechanism.base.wheels.{key}": value for key, value in wheels.items()}
     run = play(
         {"at_s": 0.2, "cmd/drive": {"rates": [v, w]}},
         {"at_s": 2.2, "cmd/drive": {"rates": [0.0, 0.0]}},
@@ -32,6 +35,12 @@ def test_with_its_slip_factor_a_base_that_skids_knows_where_it_points(play, v, w
     assert true == pytest.approx(2.0 * w, rel=0.05)
     assert off < 0.04 * abs(true)
     assert far < 0.03
+
+
+def test_with_a_gyroscope_a_base_that_skids_knows_where_it_points_without_a_factor(play):
+    true, _, off = turned(play, 0.2, -0.4, gyroscope=True, **ROLLS)
+    assert abs(true) > 0.4
+    assert off < 0.03
 
 
 def test_with_its_centre_of_turning_a_base_that_skids_knows_where_it_is(play):

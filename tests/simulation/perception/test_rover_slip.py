@@ -99,3 +99,50 @@ def test_wheels_that_grip_are_believed_whatever_the_gyroscopes_bias() -> None:
         told.append(run.states[-1].frames["base"])
         assert not [event for event in run.events if event.name == "wheels_slip"]
     np.testing.assert_allclose(told[0], told[1], atol=1e-9)
+
+
+UNIT = ImuSection(node=50, virtual={"rate_bias": BIAS})
+STOPS = {"at_s": 1.6, "cmd/drive": {"rates": [0.0, 0.0]}}
+
+
+def with_a_fault(
+    fault: dict[str, object], drive: tuple[float, float], seconds: float, at_s: float = 1.0
+) -> Simulation:
+    """Return a run on wheels that grip, driven from 0.8 s on; the unit gets a fault at `at_s`."""
+    steps = [
+        {"at_s": 0.8, "cmd/drive": {"rates": drive}},
+        {"at_s": at_s, "rig/fault": {"target": "imu", **fault}},
+        STOPS,
+    ]
+    cell = altered(load_cell("rover"), {"mechanism.imu": UNIT})
+    run = Simulation(cell, Script.model_validate({"duration_s": seconds, "step": steps}))
+    assert run.run().summary["limit_violations"] == 0
+    return run
+
+
+def off_at_the_end(run: Simulation) -> float:
+    """Return how far the heading that is told is off the true one at the end [rad]."""
+    off = run.states[-1].frames["base"][5] - run.truths[-1].frames["base"][5]
+    return abs(float(np.remainder(off + np.pi, 2.0 * np.pi) - np.pi))
+
+
+@pytest.mark.parametrize(("drive", "more"), [((0.0, 0.0), 0.06), ((0.3, 0.3), -0.17)])
+def test_a_bias_that_jumps_is_named_where_the_wheels_stand_and_turns_the_base_no_further(
+    drive: tuple[float, float], more: float
+) -> None:
+    """A new bias, and one that no gyroscope has, from when on the wheels are believed."""
+    run = with_a_fault({"kind": "bias", "value": more}, drive, seconds=10.0)
+    (told,) = [event for event in run.events if event.name == "gyroscope_biased"]
+    assert told.values["bias_rad_s"] == pytest.approx(BIAS[2] + more, abs=5e-3)
+    if any(drive):  # long before, where the tool is in World counts as unknown
+        slip = next(event for event in run.events if event.name == "wheels_slip")
+        assert told.time_s - slip.time_s > 2.0
+    assert off_at_the_end(run) < 0.02
+    assert run.states[-1].mode == "enabled"
+
+
+def test_what_a_unit_said_that_had_stuck_is_taken_back() -> None:
+    """It sticks as the base begins to turn: for eleven samples nobody knows."""
+    run = with_a_fault({"kind": "freeze"}, (0.3, 0.9), seconds=2.5, at_s=0.85)
+    assert [e for e in run.events if e.name == "device_unwell"]
+    assert off_at_the_end(run) < 0.003
