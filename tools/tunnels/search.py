@@ -46,8 +46,8 @@ SAMPLES = 5
 """Places of an arc that are held against obstacles [1]."""
 LENGTH = 1.5
 """Of an arc, in half widths of the tunnel [1]."""
-SAME = 0.45
-"""Ends in one place are one if their tangents are within such a part of the sharpest turn [1]."""
+SAME = 0.9
+"""Ends in one place are one if their tangents are within such a part of the least turn [1]."""
 SPARE = 1e-3
 """Sampled places of arcs have so much more room than a tunnel needs [m]."""
 FINE = 0.002
@@ -264,8 +264,8 @@ class _Search:
             line = self._line(to, grid, to_go, share * sharpest)
             if line is None:
                 bent = (
-                    f"no curve with radii of {1.0 / (share * sharpest):.3f} m or more leads there "
-                    f"within {self._reach:.3f} m, which is how far the arm goes in"
+                    f"no curve of short arcs with radii of {1.0 / (share * sharpest):.3f} m or "
+                    f"more leads there within {self._reach:.3f} m, which is how far the arm goes in"
                 )
                 raise NoTunnelError(f"{why}; {bent}" if why else bent)
             try:
@@ -331,7 +331,7 @@ class _Search:
         bent = np.array([math.hypot(*arc.curvature) / sharpest for arc in arcs])
         points = np.concatenate([arc.points for arc in arcs])
         length = LENGTH * self._half
-        apart = SAME * sharpest * length
+        apart = SAME * float(bent[bent > 0.0].min()) * sharpest * length
         ends = [_End(self._T, (0.0, 0.0), -1, 0.0, 0.0)]
         queue = [(float(to_go[grid.at(self._T.p)]), 0)]
         seen = set[tuple[int, ...]]()
@@ -381,6 +381,9 @@ class _Search:
         backbone.require_passable(np.array(low), np.array(high), names)
         arcs = backbone.curve.arcs
         centre = arcs.at(np.arange(0.0, arcs.length, FINE))[0]
+        narrowest = float(self._room(centre).min())
+        if narrowest < self._half:
+            raise ValueError(f"it would have {narrowest:.4f} m of room: at least {self._half:g} m")
         links = backbone.chain.points(backbone.fits)
         apart, depth, name, promised = self._nearest(backbone, links)
         if apart < promised:
@@ -391,7 +394,7 @@ class _Search:
         end = arcs.end.p
         return FoundTunnel(
             tuple(pieces), (float(end[0]), float(end[1]), float(end[2])),
-            float(self._room(centre).min()), apart, name,
+            narrowest, apart, name,
         )  # fmt: skip
 
     def _nearest(self, backbone: Backbone, links: Array) -> tuple[float, float, str, float]:
@@ -410,12 +413,12 @@ class _Search:
 
 
 def _arcs(half: float, sharpest: float, planar: bool) -> list[_Arc]:
-    """Return the arcs that may come next: straight, half as sharp, and as sharp as may be."""
+    """Return the arcs that may come next: straight, and of a few curvatures up to the sharpest."""
     count = 2 if planar else 8
     turned = [2.0 * math.pi * k / count for k in range(count)]
     bends = [(0.0, 0.0)] + [
         (round(share * sharpest * math.cos(a), 6), round(share * sharpest * math.sin(a), 6))
-        for share in (0.5, 1.0)
+        for share in ((0.25, 0.5, 1.0) if planar else (0.5, 1.0))
         for a in turned
     ]
     length, found = LENGTH * half, list[_Arc]()

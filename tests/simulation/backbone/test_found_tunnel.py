@@ -12,7 +12,7 @@ def test_it_goes_to_the_end_and_back_and_keeps_as_clear_of_boxes_as_was_said():
     assert run.summary["wall_force_n"] == 0.0
     tips = max(s.insertion["depth"] for s in run.states if s.insertion)
     assert tips > 0.735
-    # The search said 24.5 mm; the true links lag behind the curve that it judged.
+    # The search said 28.8 mm.
     links = Chain.from_cell(cell).points(np.array([truth.q for truth in run.truths[::5]]))
     points = np.concatenate((links, 0.5 * (links[:, 1:] + links[:, :-1])), axis=1).reshape(-1, 3)
     radius = cell.config.mechanism.backbone.link_radius
@@ -20,7 +20,7 @@ def test_it_goes_to_the_end_and_back_and_keeps_as_clear_of_boxes_as_was_said():
         float(np.linalg.norm(np.maximum(np.abs(points - o.xyz) - o.half_size, 0.0), axis=1).min())
         for o in cell.config.obstacles
     )
-    assert least - radius > 0.021
+    assert least - radius > 0.028
 
 
 def test_without_a_tunnel_it_runs_into_the_first_shelf(play):

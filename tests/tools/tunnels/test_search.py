@@ -73,6 +73,15 @@ def test_where_it_is_too_narrow_it_names_the_narrowest_place_and_its_room(boxes)
     assert 0.73 < y < 0.79
 
 
+def test_an_opening_that_is_hardly_wider_is_passed_and_one_that_is_hardly_narrower_is_not(boxes):
+    # Tunnel and clearance need 64 mm; the opening is 70 mm wide, then 62.
+    obstacles = moved(boxes, first_right=0.31)
+    line = line_of(boxes, find_tunnel(boxes, END, obstacles))
+    assert off_boxes(line, obstacles).min() >= 0.032 - 1e-4
+    with pytest.raises(NoTunnelError, match=r"is 0\.02\d+ m from obstacles at .*; no curve of"):
+        find_tunnel(boxes, END, moved(boxes, first_right=0.302))
+
+
 @pytest.mark.parametrize(
     ("to", "words"),
     [
