@@ -109,10 +109,12 @@ class _CompileNotice:
 def _compile_all() -> Iterator[str]:
     """Have all kernels compiled to disk; yield the module of each as it is there.
 
-    Whoever asks compiles what is missing then by himself.
+    Whoever asks compiles what is missing then by himself, and meets what was in the way.
     """
     command = [sys.executable, "-m", f"{__package__}.first_start", _LINES]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
         yield from (line.strip() for line in process.stdout or ())
 
 
