@@ -15,6 +15,7 @@ CELL_OF = {
     "reflect_rate": "pa10_reflect",
     "reflect_pose": "pa10_reflect",
     "reach_along": "gantry",
+    "skid": "rover_skid",
 }
 ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))
