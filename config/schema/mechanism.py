@@ -153,7 +153,6 @@ class WheelsSection(Section):
         description="the base turns as if its track were so many times as wide: 1 for two wheels "
         "that roll; measured, where wheels skid as it turns [1]",
     )
-
     centre: float = Field(
         0.0,
         ge=-2,

@@ -123,10 +123,15 @@ class Plant(LocalPlant):
         self.cont_daemon()
         self.stop()
         print(self.complaints())
-        told = re.findall(r"^rig: \d+ steps, (\d+) skipped", self.complaints(), flags=re.M)
-        self.lost_ms = round(sum(map(int, told)) * 1e3 * self.cell.config.rig.physics_step_s)
         self._session.close()
         super().__exit__(kind, error, trace)
+
+    def stop(self):
+        """End all; say whether rig and daemon ended well, and keep how much time rigs lost."""
+        well = super().stop()
+        told = re.findall(r"^rig: \d+ steps, (\d+) skipped", self.complaints(), flags=re.M)
+        self.lost_ms = round(sum(map(int, told)) * 1e3 * self.cell.config.rig.physics_step_s)
+        return well
 
     def _wait_started(self):
         self.wait(self.answers, START_S, "the daemon does not listen")

@@ -135,6 +135,20 @@ def test_a_daemon_told_to_end_in_motion_stops_the_arm_and_switches_it_off(plant)
 
 
 @pytest.mark.hil
+def test_a_rig_that_gets_no_processor_is_the_witness_of_a_machine_that_stood_still(make_plant):
+    plant = make_plant()
+    plant.run_for(0.2)
+    before = plant.truth.sync_count
+    plant.rig.send_signal(signal.SIGSTOP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        plant.rig.wait(0.3)
+    plant.rig.send_signal(signal.SIGCONT)
+    plant.until(lambda: plant.truth.sync_count > before, 5.0, "no physics")
+    plant.stop()
+    assert plant.lost_ms >= 200
+
+
+@pytest.mark.hil
 def test_a_rig_that_is_lost_is_a_fault_and_one_that_comes_later_is_taken_up(plant):
     operator = drive(plant)
     plant.rig.kill()
