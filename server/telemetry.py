@@ -18,8 +18,7 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
-from .control.mechanism.field import FieldReading
-from .control.mechanism.redundancy import Near
+from .control.mechanism.redundancy import FieldReading, Near
 from .control.spatial import Array
 from .control.state import Output
 from .control.task.position import Progress

@@ -31,11 +31,9 @@ from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
 from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings
-from .mechanism.field import Field, advance_offset, on_path
-from .mechanism.joint_rates import FOLDING, JointMotion, at_posture
 from .mechanism.model import Dynamics, Mechanism
-from .mechanism.redundancy import Redundancy
-from .mechanism.resolution import bend, resolve
+from .mechanism.redundancy import Field, Redundancy, advance_offset, on_path
+from .mechanism.resolution import FOLDING, JointMotion, at_posture, bend, resolve
 from .mechanism.self_motion import IDLE as IDLE_HAND
 from .mechanism.self_motion import LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, Wrist, WristMemory

@@ -24,9 +24,9 @@ from .compiled import (
     inner_kernel,
     record,
 )
+from .linalg import Vector, cross, dot, row_of, rows_of, turned, turned_back
 from .scene import Flags, Index
 from .spatial import Array, Kinematics, Pose
-from .vectors import Vector, cross, dot, row_of, rows_of, turned, turned_back
 from .wheels import DifferentialDrive, Rolled
 
 # --- The joints of a cell as a forest: a tree for each root ---------------------------------------

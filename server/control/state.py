@@ -7,7 +7,7 @@ from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
 from .barriers.rows import Resistance
 from .bodies.rates import ArmMeasurement, DesiredRates, Insertion
-from .grasps.held import GraspState, GraspStatus
+from .grasps import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
 from .mechanism.redundancy import Near

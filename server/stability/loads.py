@@ -14,7 +14,7 @@ from ...config.schema.joint_task import JointTaskSection
 from ...config.schema.mechanism import ForceTorqueSection, PayloadSection
 from ...config.schema.section import PoseSection
 from ...protocols.canopen.robotous import AXES
-from ..control.grasps.load_shares import load_shares
+from ..control.joint_task.load_shares import load_shares
 from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.spatial import GRAVITY, Array, Pose, rotate_twist, skew, wrench_to
 

@@ -13,7 +13,7 @@ from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
-from ..control.grasps.held import GraspStatus
+from ..control.grasps import GraspStatus
 from ..control.inputs import (
     NOTHING,
     STILL,

@@ -23,7 +23,7 @@ from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.axes import holding
 from ..control.compiled import evolve
-from ..control.grasps.held import GraspStatus
+from ..control.grasps import GraspStatus
 from ..control.inputs import Inputs, Intent, ToldTunnel, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount

@@ -54,7 +54,7 @@ TARGETS: Final[dict[str, tuple[str, ...]]] = {
     ),
     "server.control.barriers.programme": (f"{CONTROL}/barriers/test_programme.py",),
     "server.control.actuation.believed": (f"{CONTROL}/actuation/test_believed.py",),
-    "server.control.grasps.load_shares": (f"{CONTROL}/grasps",),
+    "server.control.joint_task.load_shares": (f"{CONTROL}/joint_task/test_load_shares.py",),
     "server.operators.admission": (
         f"{DESK}/test_admission.py",
         f"{DESK}/test_lease.py",

@@ -9,9 +9,9 @@ from telerobot.config.load import altered, load_cell
 from telerobot.server.control.arm import Arm
 from telerobot.server.control.axes import HeldAxes, holding
 from telerobot.server.control.inputs import ObjectiveGains, SelfMotionRequest
-from telerobot.server.control.mechanism.field import Field
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import by_charge, direction
+from telerobot.server.control.mechanism.redundancy import Field
 from telerobot.server.control.mechanism.self_motion import IDLE
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Motion, Pose, rotation_exp

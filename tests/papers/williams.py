@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 from telerobot.config.load import altered, load_cell
-from telerobot.server.control.grasps.load_shares import load_shares
+from telerobot.server.control.joint_task.load_shares import load_shares
 from telerobot.server.control.spatial import (
     Array,
     Pose,

@@ -11,10 +11,10 @@ from ...config.schema.network import ReflectionSection
 from ...config.schema.section import Vector6
 from ...protocols.topics import KEEPALIVE
 from ...server.control.arm import Arm
-from ...server.control.grasps.load_shares import load_shares
-from ...server.control.grasps.views import mean_of
+from ...server.control.grasps import mean_of
 from ...server.control.joint_task.forces import Moving, weight_of
 from ...server.control.joint_task.joint_task import FIT_M, JointTask
+from ...server.control.joint_task.load_shares import load_shares
 from ...server.control.spatial import Array, Pose, rotate_twist
 from ...server.reflection import ARM_S, FILTER_PER_GAIN, GREATEST, HeldStick, pose_stiffness
 from ...server.stability.judgement import PayloadBounds, error_delay_periods, payload_words

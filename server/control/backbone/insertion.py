@@ -14,9 +14,8 @@ from ..bodies.body import Builder, SerialArm
 from ..bodies.rates import ArmMeasurement, Following, Insertion, JointRates, RateRequest
 from ..compiled import NUMBER, TABLE, VECTOR, compiled
 from ..inputs import DriveRequest, Intent, Settings, ToldTunnel
-from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
-from ..mechanism.redundancy import Redundancy
+from ..mechanism.redundancy import Field, Redundancy
 from ..parameters import Parameters
 from ..scene import Flags
 from ..spatial import Array

@@ -12,10 +12,9 @@ import numpy as np
 from ....config.load import Cell
 from ..axes import HeldAxes
 from ..inputs import DriveRequest, Settings, ToldTunnel
-from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
-from ..mechanism.redundancy import Redundancy
+from ..mechanism.redundancy import Field, Redundancy, shifted
 from ..mechanism.resolution import Resolved, Travel, resolve
 from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters

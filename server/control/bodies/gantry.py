@@ -11,9 +11,8 @@ import numpy as np
 from ....config.load import Cell
 from ....config.schema.mechanism import GantrySection
 from ..inputs import DriveRequest, Inputs
-from ..mechanism.field import Field
 from ..mechanism.model import Mechanism
-from ..mechanism.redundancy import Redundancy
+from ..mechanism.redundancy import Field, Redundancy
 from ..parameters import Parameters
 from ..spatial import Array
 from .body import Builder

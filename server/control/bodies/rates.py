@@ -8,8 +8,7 @@ import numpy as np
 from ..axes import HeldAxes
 from ..hold import STANDS, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
-from ..mechanism.field import FieldReading
-from ..mechanism.redundancy import Near, SelfMotion
+from ..mechanism.redundancy import FieldReading, Near, SelfMotion
 from ..mechanism.self_motion import IDLE, HandState
 from ..proximity.capsules import Placed
 from ..spatial import NO_TWIST, Array, Kinematics, Pose

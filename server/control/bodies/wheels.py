@@ -19,9 +19,8 @@ import numpy as np
 from ....config.load import Cell
 from ....config.schema.mechanism import DifferentialBaseSection, DrivenSection
 from ..inputs import DriveRequest, Inputs
-from ..mechanism.field import Field, shifted
 from ..mechanism.model import Mechanism
-from ..mechanism.redundancy import Redundancy
+from ..mechanism.redundancy import Field, Redundancy, shifted
 from ..parameters import Parameters
 from ..spatial import Array, Kinematics, sizes, twist_at
 from ..wheels import DifferentialDrive

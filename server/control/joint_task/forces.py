@@ -9,9 +9,7 @@ import numpy as np
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled, evolve, inner_kernel
-from ..grasps.held import GraspState, Weighed
-from ..grasps.load_shares import greatest, internal, load_shares, total
-from ..grasps.views import FOLLOW_TIME_S, TOLD, apart, follow, mean_of
+from ..grasps import FOLLOW_TIME_S, TOLD, GraspState, Weighed, apart, follow, mean_of
 from ..hold import beyond
 from ..inputs import Inputs, Intent, Pushed
 from ..mechanism.model import Dynamics
@@ -33,6 +31,7 @@ from ..spatial import (
 )
 from ..state import ArmMemory
 from ..task.sources import ForceState, bleed, desired_wrench
+from .load_shares import greatest, internal, load_shares, total
 
 # --- Speed of a payload, bounded by the internal force that a fault would leave -------------------
 #

@@ -14,8 +14,7 @@ from ..barriers.together import PayloadLink
 from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..forest import Forest, at_mrf
-from ..grasps.held import GraspState, GraspStatus
-from ..grasps.views import apart, mean_of
+from ..grasps import GraspState, GraspStatus, apart, mean_of
 from ..inputs import UNASKED, Inputs, Intent
 from ..joints import parts_of
 from ..mechanism.self_motion import IDLE
@@ -200,7 +199,7 @@ def _most_apart(
 # grasp to what is not its share of the load (`forces.py`). So arms that do not agree on where
 # the payload is, as calibration never makes them, do not press it.
 #
-# The payload's pose is the mean of the arms' views, which follow it slowly (`grasps/views.py`).
+# The payload's pose is the mean of the arms' views, which follow it slowly (`../grasps.py`).
 
 FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""

@@ -13,10 +13,10 @@ from ..axes import HeldAxes
 from ..compiled import MATRIX, ROW, VECTOR, compiled
 from ..inputs import Payload
 from ..joints import Joints
+from ..linalg import svd
 from ..spatial import Array
 from .model import Dynamics
 from .potentials import manipulability_slope, slope_of
-from .svd import svd
 
 NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
 """Rates of the objectives that look at obstacles, where none does."""

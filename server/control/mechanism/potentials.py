@@ -23,9 +23,7 @@ from ..compiled import (
     inner_kernel,
     record,
 )
-from ..scene import Flags, Scene
-from ..spatial import Array, rotation_exp
-from ..vectors import (
+from ..linalg import (
     Vector,
     cross,
     dot,
@@ -34,11 +32,13 @@ from ..vectors import (
     norm,
     row_of,
     rows_of,
+    svd,
     times,
     turned,
     turned_back,
 )
-from .svd import svd
+from ..scene import Flags, Scene
+from ..spatial import Array, rotation_exp
 
 # --- Manipulability and its slope (Scott & Carignan 2008, eqs. 20–21) -----------------------------
 #

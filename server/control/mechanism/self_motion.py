@@ -19,10 +19,10 @@ import numpy as np
 from ..axes import HeldAxes
 from ..inputs import SelfMotionRequest
 from ..joints import Joints
+from ..linalg import svd
 from ..spatial import Array, Kinematics, Motion
 from ..stop.trajectory import VelocityPlanner
 from .model import Mechanism
-from .svd import svd
 
 LATE: Final = 2.0 / 3.0
 """Rates come so late [periods]: without that a turn of 1.3 rad slides a PA-10's tool by 2.5 mm."""

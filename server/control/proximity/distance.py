@@ -21,9 +21,7 @@ from ..compiled import (
     inner_kernel,
     record,
 )
-from ..scene import Flags, Index, Scene
-from ..spatial import Array
-from ..vectors import (
+from ..linalg import (
     Rows,
     Vector,
     cross,
@@ -36,6 +34,8 @@ from ..vectors import (
     turned,
     turned_back,
 )
+from ..scene import Flags, Index, Scene
+from ..spatial import Array
 
 # --- Arrays that belong together, as the kernels of this room take them: plain tuples in one order
 

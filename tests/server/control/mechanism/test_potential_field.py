@@ -9,9 +9,9 @@ from telerobot.config.schema.null_space import PotentialFieldSection, VirtualLin
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.inputs import ObjectiveGains, PathGoal, Settings
-from telerobot.server.control.mechanism.field import Field
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import ahead, shape
+from telerobot.server.control.mechanism.redundancy import Field
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose

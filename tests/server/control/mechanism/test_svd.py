@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from telerobot.server.control.mechanism.svd import svd
+from telerobot.server.control.linalg import svd
 
 SHAPES = [(6, 7), (6, 6), (6, 12), (6, 24), (6, 4), (1, 1), (3, 1)]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from laboratory.papers.williams import grasp_maps, least_squares
-from telerobot.server.control.grasps.load_shares import (
+from telerobot.server.control.grasps import (
     greatest,
     internal,
     load_shares,

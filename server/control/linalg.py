@@ -1,18 +1,86 @@
-"""Singular values of a small matrix, by one-sided Jacobi rotations (Hestenes 1958).
-
-Rotations make the rows of a matrix orthogonal, pair by pair: Uᵀ A = S Vᵀ. For a Jacobian of six
-rows and up to twelve columns that takes 0.6 to 0.8 of LAPACK's time inside a kernel, half of it
-when caches are cold, and needs no SciPy, which Numba's LAPACK does; at thirty columns LAPACK is
-quicker. A small singular value comes out with all the digits that the matrix gives it (Demmel and
-Veselić 1992).
-"""
+"""Linear algebra of small matrices and vectors inside kernels."""
 
 import math
 
 import numpy as np
 
-from ..compiled import MATRIX, NUMBER, ROW, TABLE, compiled, inner_kernel
-from ..spatial import Array
+from .compiled import MATRIX, NUMBER, ROW, TABLE, compiled, inner_kernel
+from .spatial import Array
+
+# --- Vectors (3,) as plain tuples: unlike arrays, nothing counts their holders --------------------
+
+Vector = tuple[float, float, float]
+Rows = tuple[Vector, Vector, Vector]
+"""The rows of a matrix (3, 3)."""
+
+
+@inner_kernel
+def row_of(A: Array, i: int) -> Vector:
+    """Return row i of the first three columns of A (n, 3 or more)."""
+    return A[i, 0], A[i, 1], A[i, 2]
+
+
+@inner_kernel
+def rows_of(R: Array) -> Rows:
+    """Return the rows of R (3, 3), or of the attitude of a frame (3, 4)."""
+    return row_of(R, 0), row_of(R, 1), row_of(R, 2)
+
+
+@inner_kernel
+def dot(a: Vector, b: Vector) -> float:
+    """Return a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inner_kernel
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inner_kernel
+def minus(a: Vector, b: Vector) -> Vector:
+    """Return a − b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inner_kernel
+def further(a: Vector, t: float, u: Vector) -> Vector:
+    """Return a + t u."""
+    return a[0] + t * u[0], a[1] + t * u[1], a[2] + t * u[2]
+
+
+@inner_kernel
+def times(s: float, a: Vector) -> Vector:
+    """Return s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@inner_kernel
+def norm(a: Vector) -> float:
+    """Return |a|."""
+    return math.sqrt(dot(a, a))
+
+
+@inner_kernel
+def turned(R: Rows, a: Vector) -> Vector:
+    """Return R a."""
+    return dot(R[0], a), dot(R[1], a), dot(R[2], a)
+
+
+@inner_kernel
+def turned_back(R: Rows, a: Vector) -> Vector:
+    """Return Rᵀ a."""
+    return further(further(times(a[0], R[0]), a[1], R[1]), a[2], R[2])
+
+
+# --- Singular values of a small matrix, by one-sided Jacobi rotations (Hestenes 1958) -------------
+#
+# Rotations make the rows of a matrix orthogonal, pair by pair: Uᵀ A = S Vᵀ. For a Jacobian of six
+# rows and up to twelve columns that takes 0.6 to 0.8 of LAPACK's time inside a kernel, half of it
+# when caches are cold, and needs no SciPy, which Numba's LAPACK does; at thirty columns LAPACK is
+# quicker. A small singular value comes out with all the digits that the matrix gives it (Demmel and
+# Veselić 1992).
 
 _ORTHOGONAL = 1e-15
 """Rows whose cosine is below this are orthogonal [1]."""

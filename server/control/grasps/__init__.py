@@ -1,1 +1,0 @@
-"""Several mechanisms that hold one payload: load shares, internal forces, and views of its MRF."""
