@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from laboratory.papers.williams import grasp_maps, least_squares
-from telerobot.server.control.grasps import (
+from telerobot.server.control.joint_task.load_shares import (
     greatest,
     internal,
     load_shares,
