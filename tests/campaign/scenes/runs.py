@@ -56,12 +56,16 @@ class Hit(NamedTuple):
     """Greatest speed at which the joints take what was hit from it [m/s]."""
     reach: Reach
     """What the arm could do about it since it was told."""
+    held: bool = False
+    """The arm was in HOLD, where this cell's stands (`standing_in_hold`)."""
 
     @property
     def why_not(self) -> str:
         """Reason why no law is asked to avoid it; empty where the arm was to step aside."""
         if not self.told_s:
             return "nobody tells of it"
+        if self.held:
+            return "the arm held, at rest: in HOLD it steps aside for nobody"
         if self.reach.away_m < self.reach.deep_m:
             return (
                 f"in the {self.told_s:.2f} s that it was told of the joints get out of its way by "
@@ -188,7 +192,8 @@ class _Judge:
                     continue
                 speed, told_s = self._movers[f"obstacle_{name}"], self._chase.told_for(name, at_s)
                 reach = self._chase.reach(name, told_s)
-                self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, reach)
+                held = simulation.states[-1].mode == "hold"
+                self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, reach, held)
 
     @property
     def _at_s(self) -> float:

@@ -33,7 +33,7 @@ def test_an_arm_gets_out_of_the_way_of_what_is_near_while_another_comes(seed):
     assert run.reasons == []
 
 
-@pytest.mark.parametrize("seed", [71, 1275])
+@pytest.mark.parametrize("seed", [71, 651, 1275])
 def test_an_arm_leaves_what_it_is_too_near_to_past_others_that_stand(seed):
     run = play(seed)
     assert run.left
@@ -109,8 +109,9 @@ def test_what_speaks_against_a_run_is_found(scenes, change, word):
         (Hit("mover0", 1.0, 0.15, 0.9, 0.1, EASY), "take that place away at 0.10 m/s"),
         (Hit("mover0", 1.0, 0.15, 0.0, 0.4, EASY), "nobody tells of it"),
         (Hit("mover0", 1.0, 0.15, 0.1, 0.4, Reach(0.009, 0.004)), "4.0 mm at most, of 9.0 mm"),
+        (Hit("mover0", 1.0, 0.15, 0.9, 0.4, EASY, held=True), "in HOLD"),
     ],
-    ids=["fast", "at the root", "silent", "late"],
+    ids=["fast", "at the root", "silent", "late", "held"],
 )
 def test_a_hit_that_no_arm_can_avoid_is_counted_and_told_with_its_reason(scenes, hit, why):
     run = dataclasses.replace(scenes[0], hits=(hit,))
