@@ -9,10 +9,12 @@ from telerobot.config import load
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.perception import ObstacleNews
+from telerobot.server.events import Events
+from telerobot.server.perception.free_space import find_tunnel
+from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.tools.cli import main
+from telerobot.tools.commands.tunnel import find_and_tell
 from telerobot.tools.identify.cli import subject_of
-from telerobot.tools.tunnels.cli import find_and_tell
-from telerobot.tools.tunnels.search import find_tunnel
 
 TO = ["--to", "0.05", "1.3", "0"]
 SCRIPT = Path(load.__file__).parent / "scripts" / "between_boxes.toml"
@@ -53,4 +55,5 @@ def test_told_to_the_daemon_it_goes_round_an_obstacle_that_only_the_daemon_knows
         told = operator.spin(1.0, lambda: operator.state.tunnel is not None)
     assert told
     assert operator.state.tunnel == found.pieces
-    assert found.pieces != find_tunnel(cell, to).pieces
+    alone = ObstacleMap.from_cell(cell, Events()).scene(0)
+    assert found.pieces != find_tunnel(cell, to, alone).pieces

@@ -3,18 +3,22 @@
 import argparse
 import json
 import math
+from contextlib import suppress
 from typing import Any
 
 from ...config.load import Cell
-from ...config.schema.surroundings import ObstacleSection
 from ...protocols import topics as t
-from ...protocols.codec import CodecError, decode
+from ...protocols.codec import CodecError, decode_as
 from ...protocols.messages.perception import ObstacleNews
+from ...server.control.scene import Scene
+from ...server.events import Events
+from ...server.perception.free_space import FoundTunnel, NoTunnelError, Place, find_tunnel
+from ...server.perception.obstacle_map import ObstacleMap
+from ...server.refusals import Refused
 from ..client.operator import Operator, OperatorError
 from ..host.address import cell_from
 from ..host.progress import say
 from ..identify.cli import Subject, subject_of
-from .search import FoundTunnel, NoTunnelError, Place, find_tunnel
 
 HEARD_S = 1.5
 """The daemon tells of an obstacle in each tick, in turn, of at most 128 [s]."""
@@ -29,7 +33,8 @@ def run(args: argparse.Namespace) -> int:
             with Operator(cell) as operator:
                 found = find_and_tell(operator, cell, subject, (x, y, z))
         else:
-            found = find_tunnel(subject.part, (x, y, z), cell.config.obstacles)
+            scene = ObstacleMap.from_cell(cell, Events()).scene(0)
+            found = find_tunnel(subject.part, (x, y, z), scene)
     except NoTunnelError as error:
         say(f"telerobot: no tunnel: {error}")
         return 1
@@ -46,27 +51,24 @@ def find_and_tell(operator: Operator, cell: Cell, subject: Subject, to: Place) -
     It is searched for before the lease is taken, which would not be renewed meanwhile. Raises
     `NoTunnelError` and `OperatorError`.
     """
-    found = find_tunnel(subject.part, to, known_obstacles(operator, cell))
+    found = find_tunnel(subject.part, to, known_scene(operator, cell))
     operator.acquire()
     more: dict[str, Any] = {} if subject.mechanism is None else {"mechanism": subject.mechanism}
     operator.tunnel(found.pieces, **more)
     return found
 
 
-def known_obstacles(operator: Operator, cell: Cell) -> list[ObstacleSection | ObstacleNews]:
+def known_scene(operator: Operator, cell: Cell) -> Scene:
     """Return the obstacles of a cell, and those that its daemon was told of, where it has them."""
     inbox = operator.session.subscribe(t.HELD, t.HELD.unread)
     operator.wait_state()
     operator.spin(HEARD_S)
-    known: dict[str, ObstacleSection | ObstacleNews] = {o.name: o for o in cell.config.obstacles}
+    known, tick = ObstacleMap.from_cell(cell, Events()), operator.wait_state().tick
     for payload in inbox.take():
-        try:
-            news = decode(t.HELD, payload)
-        except CodecError:
-            continue
-        if isinstance(news, ObstacleNews):
-            known[news.name] = news
-    return [o for o in known.values() if not (isinstance(o, ObstacleNews) and o.remove)]
+        with suppress(CodecError, Refused):
+            news = decode_as(ObstacleNews, payload, t.HELD.max_bytes)
+            known.take(news, tick, "daemon")
+    return known.scene(tick)
 
 
 def step(found: FoundTunnel) -> str:

@@ -1,1 +1,0 @@
-"""Tunnels for hyper-redundant arms: found as the free space between obstacles."""
