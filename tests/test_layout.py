@@ -21,9 +21,10 @@ def test_the_package_is_the_five_folders():
     }
 
 
-def test_the_laboratory_is_folders_of_the_tests_and_what_builds_need():
+def test_the_laboratory_is_folders_of_the_tests_what_builds_need_and_what_tutorials_run():
     links = {p.name: p.resolve() for p in (ROOT / ".namespace/laboratory").glob("[a-z]*")}
     assert links.pop("vendor") == ROOT / "vendor"
+    assert links.pop("tutorials") == ROOT / "docs/tutorials"
     assert links == {name: ROOT / "tests" / name for name in links}
     assert "campaign" in links
 

@@ -22,6 +22,8 @@ PAGES = sorted(
 FENCE = re.compile(
     r'^```(\w*)(?: title="((?:[^"\\]|\\.)*)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL
 )
+SAVED = re.compile(r"\]\((\w+\.py)\)")
+"""Links to programs beside a page."""
 INTO = re.compile(r"(\S+), (after|before) the line: (.*)")
 STAND_INS = {
     r"^python ": f"{sys.executable} ",
@@ -64,7 +66,12 @@ class Desk:
         self.printed = ""
 
     def work_through(self, page):
-        """Write every titled block, and run every line of the blocks in `sh`."""
+        """Write every titled block, and run every line of the blocks in `sh`.
+
+        Programs that lie beside the page are saved first.
+        """
+        for program in SAVED.findall((ROOT / page).read_text(encoding="utf-8")):
+            shutil.copy((ROOT / page).with_name(program), self._folder)
         for block in blocks(page):
             if block.language == "sh":
                 for line in block.text.splitlines():

@@ -34,7 +34,8 @@ Units are SI: m, rad, s, N, N·m; a twist is `[vx, vy, vz, wx, wy, wz]`, a pose 
 (fixed axes, Rz·Ry·Rx). Every refusal is an `OperatorError` with `reason` and `detail`. `request`,
 `command` and `stream` send anything that `protocols/topics.py` has a row for: gains, switches,
 desired wrench, payload, tare, obstacles, avoidance. `SimulatedOperator("pa10")` is an `Operator`
-whose cell runs in its own process, in virtual time. [Example pages](../examples/policy.py).
+whose cell runs in its own process, in virtual time.
+[A program to begin from](../../docs/tutorials/policy.py).
 """
 
 SESSION: Final = (

@@ -1,8 +1,8 @@
-"""The pages of example code against a real daemon."""
+"""Programs that tutorials begin from, against a real daemon."""
 
 import numpy as np
 import pytest
-from telerobot.tools.examples import demonstration, policy
+from laboratory.tutorials import demonstration, policy
 
 pytestmark = pytest.mark.hil
 

@@ -1,7 +1,7 @@
 """A policy at 20 Hz: it reads the state of the cell and writes a twist of the tool.
 
-    python -m telerobot.tools.examples.policy pa10 --simulate    # here, in virtual time
-    python -m telerobot.tools.examples.policy pa10               # on the daemon that runs
+    python policy.py pa10 --simulate    # here, in virtual time
+    python policy.py pa10               # on the daemon that runs
 
 The twist is a stick's: force control, limits, clearances and the verified stop act as ever. A
 policy that hangs loses the stick at once and the lease soon after, and the arm stops.

@@ -1,12 +1,12 @@
-"""The pages of example code in virtual time: a policy's loop, a demonstration played again."""
+"""Programs that tutorials begin from, in virtual time: a policy, a demonstration played again."""
 
 import sys
 
 import numpy as np
 import pytest
+from laboratory.tutorials import demonstration, policy
 from telerobot import OperatorError, SimulatedOperator, load_cell
 from telerobot.tools.cli import main
-from telerobot.tools.examples import demonstration, policy
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -117,7 +117,7 @@ def test_a_run_in_which_nothing_moves_is_no_demonstration(tmp_path):
         demonstration.postures(tmp_path / "run.npz")
 
 
-def test_the_pages_run_as_they_are(recorded, monkeypatch, capsys):
+def test_the_programs_run_as_they_are(recorded, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["policy", "pa10", "--simulate"])
     policy.main()
     assert float(capsys.readouterr().out.split()[0]) < 3.0

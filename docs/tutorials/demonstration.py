@@ -2,7 +2,7 @@
 
     telerobot record pa10 --seconds 30              # while somebody drives the arm
     telerobot export RUN.mcap --to numpy
-    python -m telerobot.tools.examples.demonstration pa10 RUN.numpy/run.npz
+    python demonstration.py pa10 RUN.numpy/run.npz
 
 Postures go out 20 times a second, each a goal in place of the last one. Limits, clearances and the
 verified stop act as ever: an arm that cannot follow is late or stands, and never goes further.
