@@ -1,35 +1,18 @@
-"""Capsules around links: read from meshes and primitives, fitted, and merged."""
+"""Capsules around the shapes of links: fitted, and merged."""
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import coal
 import numpy as np
 from numpy.typing import NDArray
-from trimesh import creation
 from trimesh.intersections import slice_faces_plane
 
-from ...config.errors import ConfigError
-from ...config.urdf.elements import check_shape, floats, origin_of
-from ...config.urdf.meshes import find_mesh, read_mesh
+from ...config.urdf.links import LinkMesh
 
-# --- Shapes of links: the triangles of their meshes and primitives, in the links' frames ----------
 Array = NDArray[np.float64]
-_ROUND = 16  # corners of a circle that stands for a round primitive [1]
-LARGEST = 100.0  # a link whose mesh is larger is one in millimetres, or none [m]
-
-
-class LinkMesh(NamedTuple):
-    """Triangles (t, 3, 3) of a link's shape [m], in its frame."""
-
-    link: str
-    triangles: Array
-    from_visual: bool
-    """True where the link has no collision shape, and what is looked at stands for it."""
 
 
 class Hull(NamedTuple):
@@ -38,45 +21,6 @@ class Hull(NamedTuple):
     volume: float  # [m³]
     centre: Array  # centre of volume (3,) [m]
     moments: Array  # ∫ (|r|² 1 − r rᵀ) dV about the centre (3, 3) [m⁵]
-
-
-def link_shape(
-    link: ET.Element,
-    urdf: Path,
-    packages: Mapping[str, Path],
-    *,
-    meshes_only: bool = False,
-    around: bool = True,
-) -> LinkMesh | None:
-    """Return the shape of a link, or None for one that has none.
-
-    With `meshes_only`, of a link with collision shapes those that are meshes. Corners of round
-    primitives lie `around` them, so that they hold all of it, or on them. Raises `ConfigError`
-    for a mesh that is not found or cannot be read, with file, link and name.
-    """
-    name = link.get("name", "")
-    collisions, visuals = link.findall("collision"), link.findall("visual")
-    chosen = collisions or visuals
-    found = []
-    for element in chosen:
-        where = f"{urdf}: link '{name}': <{element.tag}>"
-        check_shape(element, f"{urdf}: link '{name}'")
-        geometry = element.find("geometry")
-        if geometry is None or (meshes_only and collisions and geometry.find("mesh") is None):
-            continue
-        R, p = origin_of(element)
-        scale = 1.0 / math.cos(math.pi / _ROUND) if around else 1.0
-        found.append(_triangles(geometry[0], where, urdf, packages, scale) @ R.T + p)
-    if not found:
-        return None
-    triangles = np.concatenate(found)
-    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    if size > LARGEST:
-        raise ConfigError(
-            f"{urdf}: link '{name}': its shape is {size:.3g} m long: meshes in millimetres have "
-            '<mesh scale="0.001 0.001 0.001">'
-        )
-    return LinkMesh(name, triangles, not collisions)
 
 
 def hull_of(points: Array) -> Hull | None:
@@ -97,38 +41,6 @@ def hull_of(points: Array) -> Hull | None:
     centre = np.array(hull.computeCOM())
     moments = np.array(hull.computeMomentofInertiaRelatedToCOM())
     return Hull(volume, centre, moments)
-
-
-def _triangles(
-    shape: ET.Element, where: str, urdf: Path, packages: Mapping[str, Path], wider: float
-) -> Array:
-    """Return the triangles of one shape; round primitives are `wider` than they are."""
-    if shape.tag == "mesh":
-        name = shape.get("filename", "")
-        path = find_mesh(name, urdf, packages)
-        if path is None:
-            package = name.partition("://")[2].partition("/")[0]
-            hint = f"; say where it is: --package {package}=DIR" if "package://" in name else ""
-            raise ConfigError(f"{where}: <mesh filename>: value '{name}': no such file{hint}")
-        return np.asarray(_mesh(path, where) * floats(shape.get("scale", "1 1 1")))
-    if shape.tag == "box":
-        return np.asarray(creation.box(floats(shape.get("size", ""))).triangles)
-    radius = wider * float(shape.get("radius", "0"))
-    half = 0.0 if shape.tag == "sphere" else 0.5 * float(shape.get("length", "0"))
-    if shape.tag == "cylinder":
-        profile = np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]])
-    else:
-        tilts = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
-        profile = radius * np.column_stack([np.cos(tilts), np.sin(tilts)])
-        profile[:, 1] += np.copysign(half, tilts)
-    return np.asarray(creation.revolve(profile, sections=_ROUND).triangles)
-
-
-def _mesh(path: Path, where: str) -> Array:
-    try:
-        return np.concatenate([np.asarray(part.triangles) for part in read_mesh(path)])
-    except ConfigError as error:
-        raise ConfigError(f"{where}: {error}") from None
 
 
 # --- Capsules around a link's shape: one to three, as tight as a local search finds them ----------

@@ -3,8 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from ...config.errors import ConfigError, nearest
 from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, end_of, inertial_fault, origin_of
+from ...config.urdf.links import LinkTree, link_shape, movable
 from ...config.urdf.robot import read_tree
 from .capsules import (
     MOST_OF_CELL,
@@ -24,7 +24,6 @@ from .capsules import (
     extreme,
     fit,
     hull_of,
-    link_shape,
     merged,
 )
 
@@ -42,7 +41,7 @@ _TOOLS: Final = ("tool0", "tcp", "ee_link", "flange", "tool", "tool_frame", "han
 
 def tip_of(urdf: Path, root: ET.Element) -> str:
     """Return the last link of the only arm in a tree. Raises `ConfigError` where there are more."""
-    tree = LinkTree(root)
+    tree = ArmTree(root)
     if len(tree.roots) != 1:
         raise ConfigError(
             f"{urdf}: {len(tree.roots)} links are no joint's child: must be 1, the root"
@@ -57,45 +56,8 @@ def tip_of(urdf: Path, root: ET.Element) -> str:
     )
 
 
-class LinkTree:
-    """Links of a URDF, and the joints that each carries."""
-
-    def __init__(self, root: ET.Element) -> None:
-        self.links = {link.get("name", ""): link for link in root.findall("link")}
-        self.above = {end_of(joint, "child"): joint for joint in root.findall("joint")}
-        """The joint that carries each link, but the roots."""
-        self._below: dict[str, list[ET.Element]] = {}
-        for joint in root.findall("joint"):
-            self._below.setdefault(end_of(joint, "parent"), []).append(joint)
-        self.roots = [link for link in self.links if link not in self.above]
-        """Names of the links that no joint carries."""
-
-    def below(self, link: str) -> list[ET.Element]:
-        """Return the joints that a link carries."""
-        return self._below.get(link, [])
-
-    def walk(
-        self, link: str, through: Callable[[ET.Element], bool] = lambda _joint: True
-    ) -> Iterator[tuple[str, Array, Array]]:
-        """Yield a link and all that it carries, those nearer to it first, all joints at zero.
-
-        Each with its attitude (3, 3) and place (3,) in the first; `through` says beyond which
-        joints.
-        """
-        seen, waiting = {link}, deque([(link, np.eye(3), np.zeros(3))])
-        while waiting:
-            name, R, p = waiting.popleft()
-            yield name, R, p
-            for joint in filter(through, self.below(name)):
-                if (child := end_of(joint, "child")) not in seen:
-                    seen.add(child)
-                    turn, shift = origin_of(joint)
-                    waiting.append((child, R @ turn, p + R @ shift))
-
-    def mass(self, link: str) -> float:
-        """Return the mass that the URDF says of a link, 0 where it says none [kg]."""
-        told = self.links[link].find("inertial/mass") if link in self.links else None
-        return 0.0 if told is None else _number(told.get("value"))
+class ArmTree(LinkTree):
+    """Links of a URDF, and where among them arms end."""
 
     def end_from(self, at: str, moved: int = 0) -> tuple[str, list[ET.Element]]:
         """Return where the arm ends that goes on from a link, `moved` joints after its root.
@@ -181,11 +143,6 @@ def side_of(text: str) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def movable(joint: ET.Element) -> bool:
-    """Return whether a joint moves along or about one axis."""
-    return joint.get("type") in ("revolute", "continuous", "prismatic")
-
-
 # --- Facts of a URDF that a cell needs: which chain is the arm, which links lack what -------------
 DENSITY: Final = 1000.0
 """Of links whose masses nobody knows, by their hulls; and of those that have no shape [kg/m³]."""
@@ -225,8 +182,8 @@ class UrdfArm:
     own: frozenset[str] = frozenset()  # the links that its first joint carries
 
     @cached_property
-    def tree(self) -> LinkTree:
-        return LinkTree(self.root)
+    def tree(self) -> ArmTree:
+        return ArmTree(self.root)
 
 
 def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> list[UrdfArm]:
@@ -236,7 +193,7 @@ def read_arms(urdf: Path, tips: Sequence[str], packages: Mapping[str, Path]) -> 
     `ConfigError`.
     """
     root = read_tree(urdf)
-    tree = LinkTree(root)
+    tree = ArmTree(root)
     carried, links = tree.above, list(tree.links)
     if not links:
         raise ConfigError(f"{urdf}: holds no links")
@@ -424,11 +381,3 @@ def _alone(arm: UrdfArm, name: str) -> bool:
         return False
     one_body = arm.tree.walk(name, lambda joint: joint not in arm.chain)
     return sum(arm.tree.mass(link) for link, _, _ in one_body) <= 0.0
-
-
-def _number(text: str | None) -> float:
-    try:
-        value = float(text or "0")
-    except ValueError:
-        return 0.0
-    return value if math.isfinite(value) and value > 0.0 else 0.0

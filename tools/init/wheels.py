@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 
 from ...config.urdf.elements import check_elements, end_of, floats, origin_of
+from ...config.urdf.links import link_shape, movable
 from ...config.urdf.robot import ALONG_AXLE
-from .capsules import Array, link_shape
+from .capsules import Array
 from .draft import QUICKEST, STRONGEST, DriveDraft, Wheels, limit_of
-from .robot import UrdfArm, carried_mass, is_wheel, movable, moves
+from .robot import UrdfArm, carried_mass, is_wheel, moves
 
 LIKE: Final = 0.01  # radii that differ by more of one are two, and places of the track [1]
 AT_FLOOR: Final = 0.1  # a wheel's rim is on the root's floor within this part of its radius [1]

@@ -18,6 +18,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ....config.schema.surroundings import ContourReflexSection
+from ....config.urdf.links import link_shape
 from ....protocols.messages.perception import NOTHING
 from ....server.control.backbone.curve import centre_line, told_section
 from ....server.control.backbone.insertion import Backbone
@@ -26,7 +27,7 @@ from ....server.control.proximity.capsules import Capsules
 from ....server.control.spatial import Pose
 from ....server.perception.scanning.contour import CellPlane, crossed
 from ....server.perception.scanning.reflex import CriticalPoints
-from ...init.capsules import Tube, extreme, hull_of, link_shape, union
+from ...init.capsules import Tube, extreme, hull_of, union
 from .figure import Array, RecordedRun
 
 # --- Shapes of links and the capsules around them, measured and drawn: `telerobot check --picture`
