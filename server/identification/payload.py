@@ -8,8 +8,8 @@ import numpy as np
 from ...config.drives import joint_bounds
 from ...config.errors import ConfigError
 from ...config.load import Cell
-from ...server.control.mechanism.model import Mechanism
-from ...server.control.spatial import GRAVITY, Array, Pose, skew
+from ..control.mechanism.model import Mechanism
+from ..control.spatial import GRAVITY, Array, Pose, skew
 
 # --- Attitudes for an identification: the wrist turns about a posture, the tool stays close by ----
 WRIST_JOINTS = 3  # number of joints that turn, counted from the last [1]

@@ -16,6 +16,14 @@ from ...protocols import topics as t
 from ...protocols.messages import requests
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.spatial import Array, Pose
+from ...server.identification.environment import Along, Environment, environment, propose
+from ...server.identification.payload import (
+    AttitudeStop,
+    Estimate,
+    NotIdentified,
+    attitudes,
+    estimate,
+)
 from ..client.operator import Operator, OperatorError
 from ..client.protocol_client import ProtocolClient, ignore
 from ..host.address import cell_from
@@ -23,18 +31,8 @@ from ..host.progress import say
 from ..scripts.player import Phase
 from ..scripts.script import Script
 from ..simulation.simulation import Simulation
-from . import environment
-from .environment import (
-    Along,
-    Course,
-    Environment,
-    GaveUpError,
-    Leader,
-    Press,
-    PressGuide,
-    propose,
-)
-from .estimate import AttitudeStop, Estimate, NotIdentified, attitudes, estimate
+from . import environment as presses
+from .environment import Course, GaveUpError, Leader, Press, PressGuide
 
 
 # --- Report of an identification: for people, for programs, for the cell file ---------------------
@@ -268,9 +266,10 @@ def touch(
     allow.
     """
     of = subject or subject_of(cell, None)
-    environment.allowed(of.part, press)
+    presses.allowed(of.part, press)
     made = partial(PressGuide, press=press, say=say, mechanism=of.mechanism, task=of.task)
-    return environment.environment(of.part, _led(cell, made, LONGEST_S, simulate=simulate))
+    led = _led(cell, made, LONGEST_S, simulate=simulate).checked()
+    return environment(of.part, press.along, led.steady, led.way, led.samples)
 
 
 def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
@@ -315,5 +314,5 @@ def _environment(cell: Cell, subject: Subject, args: argparse.Namespace) -> str:
     found = touch(cell, press, say, subject, simulate=args.simulate)
     gains = propose(subject.part, found, along)
     if args.json:
-        return json.dumps(environment.as_dict(subject.part, found, gains))
-    return environment.report(subject.part, found, gains)
+        return json.dumps(presses.as_dict(subject.part, found, gains))
+    return presses.report(subject.part, found, gains)

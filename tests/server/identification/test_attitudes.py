@@ -4,7 +4,7 @@ from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose
-from telerobot.tools.identify.estimate import attitudes
+from telerobot.server.identification.payload import attitudes
 
 ROOM = 0.15
 

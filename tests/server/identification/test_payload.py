@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from telerobot.drivers.rig.nodes.sensors import response
 from telerobot.server.control.spatial import rotation_exp, rotation_log, rotation_rpy
-from telerobot.tools.identify.estimate import NotIdentified, estimate
+from telerobot.server.identification.payload import NotIdentified, estimate
 
 BIAS = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])
 NOISE = np.array([0.05] * 3 + [0.002] * 3) / np.sqrt(60)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
+from telerobot.server.identification.environment import Along, propose
 from telerobot.tools.identify.cli import touch
-from telerobot.tools.identify.environment import Along, Press, propose
+from telerobot.tools.identify.environment import Press
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 

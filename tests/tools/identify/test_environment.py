@@ -6,25 +6,23 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode_as, encode
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
+from telerobot.server.identification.environment import Along, Environment, environment, propose
+from telerobot.server.identification.payload import NotIdentified
 from telerobot.server.stability.judgement import LoopBounds
 from telerobot.tools.cli import main
 from telerobot.tools.client.protocol_client import ProtocolClient
-from telerobot.tools.identify.environment import (
-    Along,
-    Environment,
-    Press,
-    PressGuide,
-    allowed,
-    environment,
-    propose,
-    report,
-)
-from telerobot.tools.identify.estimate import NotIdentified
+from telerobot.tools.identify.environment import Press, PressGuide, allowed, report
 
 PERIOD_S = 0.01
 NOISE_N = 0.05
 AT = 0.004
 """Where the wall is: from where the tool sets out [m]."""
+
+
+def found_by(cell, guide):
+    """Return what the presses of a guide that is through tell."""
+    guide.checked()
+    return environment(cell, guide.press.along, guide.steady, guide.way, guide.samples)
 
 
 class Arm:
@@ -104,7 +102,7 @@ def test_a_spring_is_told_with_its_damping_and_the_delay_of_both_parts(pa10, sti
     press = Press(Along.of(along), 0.02, 15.0)
     arm = Arm(stiffness, press, joints_late=2, force_late=1, damping=300.0)
     arm.go(120.0)
-    found = environment(pa10, arm.guide)
+    found = found_by(pa10, arm.guide)
     assert found.stiffness == pytest.approx(stiffness, rel=0.01)
     assert found.repeatability < 0.01 * stiffness
     assert found.with_drives == pytest.approx(stiffness, rel=0.01)
@@ -178,7 +176,7 @@ def test_what_is_wrong_is_named_in_one_line(pa10, spoil, words):
     arm.go(90.0)
     assert arm.guide.over
     with pytest.raises(NotIdentified, match=words) as told:
-        environment(pa10, arm.guide)
+        found_by(pa10, arm.guide)
     assert "\n" not in str(told.value)
 
 

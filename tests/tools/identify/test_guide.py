@@ -6,10 +6,10 @@ from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
+from telerobot.server.identification.payload import AttitudeStop
 from telerobot.tools.cli import main
 from telerobot.tools.client.protocol_client import ProtocolClient
 from telerobot.tools.identify.cli import Guide
-from telerobot.tools.identify.estimate import AttitudeStop
 
 
 class Arm:
