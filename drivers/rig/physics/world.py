@@ -74,6 +74,8 @@ class World:
         """Brakes, jams and friction, which keep joints from moving."""
         self.ahead_s = 0.0
         """How far the bus' time is ahead of the state [s]: a SYNC comes between two steps."""
+        self._carried: dict[tuple[int, bool], tuple[float, Vector, Vector]] = {}
+        """When an inertial unit was asked last [s], how it moved then [m/s], and its axes."""
         self._pushes: dict[int, Vector] = {}
         self._swells: dict[int, tuple[float, float]] = {}
         """When the push on a tool began, and how long it takes [s], by the tip's body."""
@@ -254,19 +256,22 @@ class World:
         """Return the specific force (3,) [m/s²] and the angular rate (3,) [rad/s] of a place.
 
         As an accelerometer and a gyroscope have them, in the axes of a frame that is `at` a pose in
-        Base, or in an arm's tip link.
+        Base, or in an arm's tip link. The force is the mean since it was last asked for, as that of
+        a unit which filters what it samples: drives follow their setpoints unevenly within a
+        period. At first it is that at rest.
         """
         found, R, p = np.zeros(6), np.zeros(9), np.array(at.xyz)
         body = self._arms[arm].root if on_base else self._arms[arm].tip
-        mujoco.mj_rnePostConstraint(self.model, self.data)
         kind = mujoco.mjtObj.mjOBJ_XBODY
-        mujoco.mj_objectAcceleration(self.model, self.data, kind, body, found, 1)
-        turned, felt = found[:3].copy(), found[3:].copy()
-        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 1)
-        rate = found[:3].copy()
-        felt += np.cross(turned, p) + np.cross(rate, np.cross(rate, p))
+        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 0)
         mujoco.mju_quat2Mat(R, np.array(quaternion(at)))
-        return R.reshape(3, 3).T @ felt, R.reshape(3, 3).T @ rate
+        link = self.data.xmat[body].reshape(3, 3)
+        axes, turned = link @ R.reshape(3, 3), found[:3]
+        moved = found[3:] + np.cross(turned, link @ p)
+        then_s, before, axes_before = self._carried.get((arm, on_base), (-1.0, moved, axes))
+        self._carried[arm, on_base] = self.time_s, moved, axes
+        felt = (moved - before) / max(self.time_s - then_s, self.dt) - self.model.opt.gravity
+        return 0.5 * (axes + axes_before).T @ felt, axes.T @ turned
 
     def place(self, obstacle: str, xyz: Vector) -> None:
         """Move an obstacle of the cell to a place in World [m]. Raises `ValueError`."""

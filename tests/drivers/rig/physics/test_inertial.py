@@ -43,6 +43,9 @@ def test_it_is_the_second_difference_of_its_place_less_gravity_and_the_turning_o
     torque = np.array([20.0, -60.0, 10.0, 30.0, 3.0, -4.0, 2.0])
     for _ in range(400):
         falling.step(torque)
+    mujoco.mj_forward(falling.model, falling.data)
+    falling.inertial(0, False, AT)
+    falling.step(torque)
     places, axes, dt = [], [], falling.dt
     for k in range(3):
         place, R = placed(falling)
@@ -65,3 +68,20 @@ def test_at_rest_it_feels_its_support_alone(falling):
     felt, rate = falling.inertial(0, True, AT)
     np.testing.assert_allclose(felt, rotation(AT.rpy).T @ UP, atol=1e-9)
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+
+
+def test_it_feels_the_mean_of_a_period_not_the_instant_of_its_sample():
+    """Drives pull unevenly within a period: the sum over samples is the change of speed."""
+    world = World(load_cell("rover"))
+    unit = PoseSection()
+    gained, start = 0.0, world.data.qvel[0]
+    world.inertial(0, True, unit)
+    for joint in range(world.n):
+        world.set_brake(joint, closed=joint > 1)
+    for _ in range(40):
+        for k in range(10):
+            world.step(np.array([20.0 * (k > 4), 20.0 * (k > 4), *(0.0,) * (world.n - 2)]))
+        felt, _ = world.inertial(0, True, unit)
+        gained += 0.01 * felt[0]
+    assert world.data.qvel[0] - start > 0.2
+    assert gained == pytest.approx(world.data.qvel[0] - start, rel=0.05)
