@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from ..drivers.device import (
     Cause,
     Device,
@@ -58,9 +60,9 @@ class UnitReading(NamedTuple):
     """How much older that mean is than the joints' angles [s]."""
     wrench_trouble: Trouble | None
     """Why the sensor's newest sample is none; None where there is no sensor, or it is well."""
-    rate: Array | None
-    """Angular rate (3,) by the arm's inertial unit, in its axes [rad/s]; None without, and when
-    stale or saturated."""
+    inertial: Array | None
+    """Specific force and angular rate (6,) by the arm's inertial unit, in its axes [m/s², rad/s];
+    None without, and when stale or saturated."""
 
     @property
     def wrench_over_period(self) -> tuple[Array, float] | None:
@@ -133,8 +135,14 @@ class _UnitDevices:
             wrench_mean=mean if fresh else None,
             wrench_mean_lag_s=0.0 if mean is None else stamp - mean.stamp,
             wrench_trouble=None if sample is None else sample.trouble,
-            rate=None if self._inertial is None or not opened else self._inertial.read().rate,
+            inertial=self._felt() if opened else None,
         )
+
+    def _felt(self) -> Array | None:
+        told = None if self._inertial is None else self._inertial.read()
+        if told is None or told.acceleration is None or told.rate is None:
+            return None
+        return np.concatenate((told.acceleration, told.rate))
 
 
 class Plant:

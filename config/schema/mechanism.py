@@ -234,6 +234,13 @@ class DifferentialBaseSection(DrivenSection):
         description="a gyroscope on Base that disagrees with the wheels by more is believed, and "
         "they are not [rad/s]",
     )
+    slip_speed: float = Field(
+        0.05,
+        gt=0,
+        le=5,
+        description="an accelerometer on Base that disagrees with the wheels by more is believed "
+        "of how fast it goes ahead, and they are not [m/s]",
+    )
     correction: tuple[Positive, Positive] = Field(
         (0.05, 0.1),
         description="news of Base corrects the odometry by at most [m/s], [rad/s]",

@@ -296,6 +296,9 @@ class Passage:
 # looks like slip until the wheels stand: nothing turns a base evenly on wheels that stand. Then it
 # is the bias, and what it had turned Base by is taken back, slowly. So is what a unit said in the
 # time in which it fell silent or stuck, before its driver knew.
+#
+# An accelerometer sees at once whether Base comes along ahead, which gyroscope and wheels cannot
+# tell where both wheels spin alike or both are pushed along: `GroundSpeed`.
 
 REMEMBERED_S: Final = 2.0
 """News that is older is of no use [s]."""
@@ -320,7 +323,180 @@ EVEN_S: Final = 1.0
 EVEN: Final = 0.3
 """Even is a rate whose halves differ by less than this part of `slip_rate` [1]."""
 AGREES: Final = 0.5
-"""Wheels grip again when odometry and news differ by less than this part of a slip [1]."""
+"""Wheels grip again when they and what else tells of Base differ by less than this part of what
+counts as slip [1]."""
+
+
+GRAVITY: Final = 9.80665
+"""[m/s²]"""
+WHEEL_SPEED: Final = 0.01
+"""How exactly wheels that grip tell how fast Base goes, as standard deviation [m/s]."""
+LEAST_NOISE: Final = 0.02
+"""Of a sample of the accelerometer, as standard deviation [m/s²]; more where it shakes."""
+SHAKES_S: Final = 0.5
+"""That is a mean over about so long [s]."""
+BIAS_WALK: Final = 0.001
+"""How its bias, and the floor's slope, change [m/s² per root of a second]."""
+FIRST_BIAS: Final = 0.01
+"""How exactly a mean beside wheels that stand tells it, as standard deviation [m/s²]."""
+DEVIATIONS: Final = 4.0
+"""What wheels and filter differ by is slip beyond so many standard deviations [1]; they agree
+again within one."""
+LAG_S: Final = 0.5
+"""What wheels told for so long before they are seen to slip is left out, too [s]."""
+GRIPS_S: Final = 0.3
+"""Wheels are believed again once they agreed for so long [s]."""
+QUIET_S: Final = 1.0
+"""Beside wheels that stand, an accelerometer that reads its bias for so long stands, too [s] ..."""
+QUIET: Final = 0.01
+"""... within this [m/s²]: on what is no slicker than 0.001 whatever slides is slowed by more."""
+SLOPE_S: Final = 3.0
+"""One that reads something else evenly for so long has another bias, or stands on a slope [s]."""
+
+
+class GroundSpeed:
+    """How fast a base goes ahead, by its wheels and an accelerometer on it.
+
+    A Kalman filter of speed v and bias b (Bar-Shalom, Li & Kirubarajan 2001, section 5.2): v̇ = a −
+    b, b a random walk; wheels measure v. What they tell beyond the innovation's gate (section 5.4)
+    is slip, and left out: v is then the accelerometer's, from a little before on. Gravity is part
+    of b: by the pitch that the gyroscope tells, b changes at −g ω_y.
+    """
+
+    def __init__(self, most: float, lever: Array, period_s: float) -> None:
+        """Build it; wheels slip where they differ by more than `most` [m/s].
+
+        `lever` (2,) [m] is from the point that turns on the spot to the unit, in Base's axes.
+        """
+        self._most, self._lever, self._period_s = most, lever, period_s
+        self.slips = False
+        """Base does not go as fast as its wheels roll."""
+        self._bias = np.zeros(2)
+        """Of the accelerometer ahead, with what gravity adds [m/s²], and of the pitch [rad/s]."""
+        self._speed = self._spread = self._noise = 0.0
+        """Speed [m/s], its variance, and that of a sample."""
+        self._crossed, self._bias_spread = 0.0, math.inf
+        """Covariance of speed and bias; variance of the bias, not finite before one is known."""
+        self._before: Array | None = None
+        self._agreed_s = 0.0
+        self._lately = deque[tuple[float, float, float, float, float]](
+            maxlen=round(LAG_S / period_s)
+        )
+        """Speed and bias as they were, and the wheels' speed, acceleration and pitch rate after."""
+        self._beside = deque[tuple[float, float]](maxlen=round(SLOPE_S / period_s))
+        """What it read beside wheels that stood, without its bias, the newest last."""
+
+    def missed(self, felt: Array | None, wheels: float) -> float:
+        """Return how much farther Base went in a period than wheels at a speed [m/s] say [m].
+
+        0 where both agree. `felt` (6,) is specific force and angular rate in Base's axes; None:
+        stale.
+        """
+        before, self._before = self._before, felt
+        if felt is None or before is None:
+            self._restart(wheels)
+            return 0.0
+        T, (x, y) = self._period_s, self._lever.tolist()
+        ahead, pitch, turn = felt[[0, 4, 5]].tolist()
+        # The unit is carried around the point that turns on the spot.
+        ahead += turn * turn * x + float(felt[5] - before[5]) / T * y
+        shakes = 0.5 * float(felt[0] - before[0]) ** 2
+        self._noise += (shakes - self._noise) * T / SHAKES_S
+        stands = abs(wheels) < STANDS
+        if math.isinf(self._bias_spread):
+            self._learn_first(ahead, pitch, stands)
+            self._speed = wheels
+            return 0.0
+        self._lately.append((self._speed, float(self._bias[0]), wheels, ahead, pitch))
+        missed = self._predict(ahead, pitch, wheels)
+        off, spread = -missed / T, self._spread + WHEEL_SPEED**2
+        most, far = (AGREES * self._most, 1.0) if self.slips else (self._most, DEVIATIONS)
+        agrees = abs(off) <= max(most, far * math.sqrt(spread))
+        self._agreed_s = self._agreed_s + T if agrees else 0.0
+        if not self.slips and not agrees:
+            self.slips, missed = True, self._again()
+        elif self._agreed_s >= GRIPS_S:
+            self.slips = False
+        if not self.slips:
+            self._beside.clear()
+            self._correct(off, spread)
+            if stands:
+                self._bias[1] += (pitch - float(self._bias[1])) * T / BIAS_S
+            return 0.0
+        self._lately.clear()
+        if self._rests(ahead, pitch, stands):
+            self._restart(0.0)
+        return missed
+
+    def _again(self) -> float:
+        """Go on from a little before by the accelerometer alone; return what wheels missed [m]."""
+        self._speed, self._bias[0] = self._lately[0][:2]
+        told = [(ahead, pitch, wheels) for _, _, wheels, ahead, pitch in self._lately]
+        spreads = self._spread, self._crossed, self._bias_spread
+        missed = sum(self._predict(*each) for each in told)
+        self._spread, self._crossed, self._bias_spread = spreads
+        return missed
+
+    def _restart(self, speed: float) -> None:
+        """Believe the wheels: they go at a speed [m/s]."""
+        self._speed, self.slips, self._agreed_s = speed, False, 0.0
+        self._beside.clear()
+        self._lately.clear()
+        if not math.isinf(self._bias_spread):
+            self._spread, self._crossed = WHEEL_SPEED**2, 0.0
+            self._bias_spread = FIRST_BIAS**2
+
+    def _learn_first(self, ahead: float, pitch: float, stands: bool) -> None:
+        """Take the mean over wheels that stand for the bias; until then they are believed."""
+        if not stands:
+            self._beside.clear()
+            return
+        self._beside.append((ahead, pitch))
+        if len(self._beside) * self._period_s > STAND_S:
+            self._bias = np.array(self._beside).mean(axis=0)
+            self._bias_spread = 0.0
+            self._restart(0.0)
+
+    def _predict(self, ahead: float, pitch: float, wheels: float) -> float:
+        """Go on by a period; return how much farther Base went than its wheels say [m]."""
+        T = self._period_s
+        gained = (ahead - float(self._bias[0])) * T
+        self._speed += gained
+        self._bias[0] -= GRAVITY * (pitch - float(self._bias[1])) * T
+        P, C, B = self._spread, self._crossed, self._bias_spread
+        self._spread = P - 2.0 * T * C + T * T * (B + max(self._noise, LEAST_NOISE**2))
+        self._crossed = C - T * B
+        self._bias_spread = B + BIAS_WALK**2 * T
+        return (self._speed - 0.5 * gained - wheels) * T
+
+    def _correct(self, off: float, spread: float) -> None:
+        """Take in what the wheels differ by [m/s], of a variance `spread`."""
+        P, C = self._spread, self._crossed
+        self._speed += P / spread * off
+        self._bias[0] += C / spread * off
+        self._spread, self._crossed = P - P * P / spread, C - P * C / spread
+        self._bias_spread -= C * C / spread
+
+    def _rests(self, ahead: float, pitch: float, stands: bool) -> bool:
+        """Return whether wheels stand and the accelerometer says that Base stands with them.
+
+        One that reads evenly something else has that as its bias from then on.
+        """
+        if not stands:
+            self._beside.clear()
+            return False
+        self._beside.append((ahead, pitch))
+        told, few = np.array(self._beside), 2 * round(0.5 * QUIET_S / self._period_s)
+        if len(told) < few:
+            return False
+        halves = told[-few:, 0].reshape(2, -1).mean(axis=1) - self._bias[0]
+        if float(np.abs(halves).max()) < QUIET:
+            return True
+        halves = told[len(told) % 2 :, 0].reshape(2, -1).mean(axis=1)
+        if len(told) < (self._beside.maxlen or 0) or abs(float(halves[1] - halves[0])) > QUIET:
+            return False
+        self._bias = told.mean(axis=0)
+        return True
 
 
 class BaseTracker:
@@ -333,11 +509,16 @@ class BaseTracker:
         T_world_base: Pose,
         period_s: float,
         events: Events,
-        up_imu: Array | None = None,
+        T_base_imu: Pose | None = None,
     ) -> None:
-        """Build it; `up_imu` (3,) is Base's z in the axes of a gyroscope on it, None without."""
+        """Build it; `T_base_imu` is where an inertial unit is on Base, None without."""
         self._section, self._rolling, self._period_s = section, rolling, period_s
-        self._up_imu = up_imu
+        self._T_imu = T_base_imu
+        at = np.zeros(3) if T_base_imu is None else T_base_imu.p
+        lever = np.array([at[0] - rolling.centre, at[1]])
+        self._ahead = GroundSpeed(section.slip_speed, lever, period_s)
+        self._felt: Array | None = None
+        """What the unit felt (6,), in Base's axes; None without."""
         self._rate: float | None = None
         """How Base turns about its z by the gyroscope, bias included [rad/s]; None without."""
         self._rate_before: float | None = None
@@ -352,8 +533,10 @@ class BaseTracker:
         """By what it turned Base while its samples were equal: it may have stuck [rad]."""
         self._back = 0.0
         """What it had turned Base by wrongly, and is taken back [rad]."""
-        self._slid = 0.0
-        """Turn of the last second that the wheels missed [rad]."""
+        self._slid = np.zeros(2)
+        """Way ahead [m] and turn [rad] of the last second that the wheels missed."""
+        self._own = np.zeros(2)
+        """The same since the start: what a scanner tells of it is told already."""
         self._events = events
         self._begun = False
         self.odometry = Odometry.at(T_world_base, np.zeros(2))
@@ -365,7 +548,9 @@ class BaseTracker:
         """A scanner sees wheels slip now: a drive stops."""
         self._told: int | None = None
         """Tick of the newest news of that."""
-        self._past = deque[tuple[int, Pose]](maxlen=round(REMEMBERED_S / period_s))
+        self._newest_slide = -1
+        """Tick up to which it told how Base slid."""
+        self._past = deque[tuple[int, Pose, Array]](maxlen=round(REMEMBERED_S / period_s))
         self._newest = -1
 
     @classmethod
@@ -376,10 +561,10 @@ class BaseTracker:
             return None
         place = c.mechanism.T_world_base
         T = Pose.from_xyz_rpy(place.xyz, place.rpy)
-        imu, up = c.mechanism.imu, None
+        imu, T_imu = c.mechanism.imu, None
         if imu is not None and imu.on == "base":
-            up = Pose.from_xyz_rpy(imu.T_on_imu.xyz, imu.T_on_imu.rpy).R[2]
-        return cls(c.mechanism.base, rolling, T, c.timing.period_s, events, up)
+            T_imu = Pose.from_xyz_rpy(imu.T_on_imu.xyz, imu.T_on_imu.rpy)
+        return cls(c.mechanism.base, rolling, T, c.timing.period_s, events, T_imu)
 
     def step(self, tick: int, told: Motion | None, q: Array) -> Body:
         """Return the base for the command of `tick`; joints are measured at q (n,) [rad]."""
@@ -388,38 +573,52 @@ class BaseTracker:
         if commanded is None or not self._begun:
             self.odometry = self.odometry.forget(wheels, wheels)
             self._begun = True
+        self._slid *= 1.0 - self._period_s / SLIPS_S
         off = self._missed_turn(way)
+        ahead = self._missed_way(way)
         if commanded is None:
-            off = self._turned_s = self._repeated = self._back = 0.0
+            off = ahead = self._turned_s = self._repeated = self._back = 0.0
         self.odometry = self.odometry.rolled(self._rolling, commanded, wheels)
         most = self._section.correction
         if self._back != 0.0:
             self.odometry = self.odometry.slid(self.odometry.measured, 0.0, 0.0, self._back)
-            self._slid, self._back = 0.0, 0.0
-        if off != 0.0:
-            # It is turned by that, not told late of it: so it is as quickly right again.
-            self.odometry = self.odometry.slid(self.odometry.measured, 0.0, 0.0, off)
-            most = most[0], most[1] + abs(off) / self._period_s
+            self._own[1] += self._back
+            self._slid[1], self._back = 0.0, 0.0
+        if off != 0.0 or ahead != 0.0:
+            # It is moved by that, not told late of it: so it is as quickly right again.
+            self.odometry = self.odometry.slid(self.odometry.measured, ahead, 0.0, off)
+            self._own += ahead, off
+            more = np.abs((ahead, off)) / self._period_s
+            most = most[0] + float(more[0]), most[1] + float(more[1])
         self.odometry, self.twist = self.odometry.corrected(most, self._period_s)
-        self._past.append((tick, self.odometry.measured))
+        self._past.append((tick, self.odometry.measured, self._own.copy()))
         if self._told is not None and (tick - self._told) * self._period_s > REMEMBERED_S:
             self.slipping = False
-        if off != 0.0 or (self.slips and (self._told is not None or self._up_imu is not None)):
+        moved = off != 0.0 or ahead != 0.0
+        if moved or (self.slips and (self._told is not None or self._T_imu is not None)):
             self._judge(*sizes(self.odometry.drift))
         return self.odometry.body(self.twist)
 
-    def take_rate(self, rate: Array | None) -> None:
-        """Take in how Base turns (3,) by the gyroscope on it, in its axes [rad/s]; None: stale."""
-        self._rate_before, self._rate = self._rate, None
-        if rate is not None and self._up_imu is not None:
-            self._rate = float(self._up_imu @ rate)
+    def take_inertial(self, felt: Array | None) -> None:
+        """Take in specific force and rate (6,) by the unit on Base, in its axes; None: stale."""
+        self._rate_before, self._rate, self._felt = self._rate, None, None
+        if felt is not None and self._T_imu is not None:
+            R = self._T_imu.R
+            self._rate = float(R[2] @ felt[3:])
+            self._felt = np.concatenate((R @ felt[:3], R @ felt[3:]))
+
+    def _missed_way(self, way: Array) -> float:
+        """Return by how much farther Base went ahead than wheels did on a `way` (2,) [m]."""
+        wheels = self._rolling.driven(way)[0] / self._period_s
+        missed = self._ahead.missed(self._felt, wheels)
+        self._slid[0] += missed
+        return missed
 
     def _missed_turn(self, way: Array) -> float:
         """Return by how much more Base turned than wheels did on a `way` (2,) [rad]; 0 for agreed.
 
         While the wheels stand, the gyroscope's bias is learnt; while they go straight, followed.
         """
-        self._slid *= 1.0 - self._period_s / SLIPS_S
         if self._rate is None or self._rate_before is None:
             self._stood_s = 0.0
             self._beside.clear()
@@ -440,7 +639,7 @@ class BaseTracker:
         elif self._jumped(off):
             return 0.0
         if abs(off) > self._section.slip_rate:
-            self._slid += off * self._period_s
+            self._slid[1] += off * self._period_s
             self._turned_s += self._period_s
             self._repeated += off * self._period_s
             return off * self._period_s
@@ -510,17 +709,22 @@ class BaseTracker:
     ) -> None:
         """Take in whether a scanner sees wheels slip, and how Base slid by then: x, y, yaw."""
         self.slipping, self._told = slipping, tick
-        T_then = next((T for then, T in self._past if then == tick), None)
-        if slide is None or T_then is None:
+        found = next(((T, own) for then, T, own in self._past if then == tick), None)
+        if slide is None or found is None:
             return
-        self.odometry = self.odometry.slid(T_then, *slide)
+        # The scanner compares with the wheels alone: what was made up for since then is none.
+        T_then, own = found
+        since = next(own for then, _, own in self._past if then >= self._newest_slide)
+        self._newest_slide = tick
+        x, yaw = own - since
+        self.odometry = self.odometry.slid(T_then, slide[0] - x, slide[1], slide[2] - yaw)
         self._judge(*sizes(self.odometry.drift))
 
     def _at(self, tick: int) -> Pose | None:
         """Return where the odometry had Base at a tick; None for news that is not newer."""
         if tick <= self._newest:
             return None
-        found = next((T for then, T in self._past if then == tick), None)
+        found = next((T for then, T, _ in self._past if then == tick), None)
         if found is not None:
             self._newest = tick
         return found
@@ -533,7 +737,8 @@ class BaseTracker:
     def _judge(self, off: float, turned: float) -> None:
         """Tell whether wheels slip: odometry and news differ by [m] and [rad]."""
         far, wide = self._section.slip
-        turned = max(turned, abs(self._slid))
+        slid, also = np.abs(self._slid).tolist()
+        off, turned = max(off, slid), max(turned, also)
         worst = max(off / far, turned / wide)
         if not self.slips and (worst > 1.0 or self.slipping):
             self.slips = True

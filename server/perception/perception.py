@@ -71,7 +71,7 @@ class Perception:
             wrench = (output.seen.wrench.reshape(2, 3) @ R.T).ravel()
         self._walls.update(memory, reading.q)
         if self.moving_frames.base is not None:
-            self.moving_frames.base.take_rate(reading.rate)
+            self.moving_frames.base.take_inertial(reading.inertial)
         if reading.wrench_age_s is not None:
             if output is not None:
                 self._T_world_mrf = output.T_world_mrf_measured

@@ -79,6 +79,7 @@ def test_a_gyroscope_sees_one_wheel_slip_at_once_and_the_heading_stays_right(whe
     began = next(t.time_s for t in run.truths if abs(t.frames["base"][5]) > 0.01)
     assert slip.time_s - began < 0.25
     assert "rad, at most" in slip.detail
+    assert odometry_off(run) < 0.05  # 0.25 m where its accelerometer is left out
 
 
 def test_without_one_the_heading_is_lost_and_nobody_is_told() -> None:
@@ -146,3 +147,63 @@ def test_what_a_unit_said_that_had_stuck_is_taken_back() -> None:
     run = with_a_fault({"kind": "freeze"}, (0.3, 0.9), seconds=2.5, at_s=0.85)
     assert [e for e in run.events if e.name == "device_unwell"]
     assert off_at_the_end(run) < 0.003
+
+
+BOTH = ("wheel_left", "wheel_right")
+INERTIAL = ImuSection(node=50, virtual={"rate_bias": BIAS, "acceleration_bias": (0.1, 0.0, 0.0)})
+"""Neither bias is told."""
+
+
+def on_slick_floor(
+    imu: ImuSection | None, friction: float, *steps: dict[str, object], seconds: float = 4.5
+) -> Simulation:
+    """Return a run in which neither wheel has much grip."""
+    cell = altered(load_cell("rover"), {"mechanism.imu": imu})
+    run = Simulation(cell, Script.model_validate({"duration_s": seconds, "step": list(steps)}))
+    for wheel in BOTH:
+        run.rig.inject(RigFault(kind="slip", target=wheel, value=friction))
+    assert run.run().summary["limit_violations"] == 0
+    return run
+
+
+SPIN = ({"at_s": 0.8, "cmd/drive": {"rates": [0.3, 0.0]}}, {"at_s": 3.0, "silence": ["cmd/drive"]})
+
+
+def test_an_accelerometer_sees_both_wheels_spin_on_the_spot_and_the_odometry_stays_right() -> None:
+    """They turn alike: gyroscope and wheels agree. Without, 0.49 m of the way are wrong."""
+    run = on_slick_floor(INERTIAL, 0.005, *SPIN)
+    slip = next(event for event in run.events if event.name == "wheels_slip")
+    began = next(s.time_s for s in run.states if s.q is not None and s.q[0] > 0.02)
+    assert slip.time_s - began < 0.3
+    assert " m and " in slip.detail
+    assert odometry_off(run) < 0.06
+
+
+def test_without_one_the_base_is_lost_and_nobody_is_told() -> None:
+    run = on_slick_floor(None, 0.005, *SPIN)
+    assert odometry_off(run) > 0.4
+    assert not [event for event in run.events if event.name == "wheels_slip"]
+
+
+def test_a_base_that_is_pushed_along_on_wheels_that_stand_is_followed() -> None:
+    push = {"kind": "push", "target": "j1", "vector": [120.0, 0.0, 0.0]}
+    steps = [{"at_s": at, "rig/fault": push | {"on": on}} for at, on in ((1.0, True), (1.5, False))]
+    run = on_slick_floor(INERTIAL, 0.02, *steps, seconds=4.0)
+    assert run.truths[-1].frames["base"][0] > 1.0  # the odometry's error without
+    assert [event for event in run.events if event.name == "wheels_slip"]
+    assert odometry_off(run) < 0.06
+
+
+def test_what_the_accelerometer_told_of_a_slip_a_scanner_does_not_tell_again() -> None:
+    """Both see it: the odometry is put right once."""
+    cell = altered(
+        load_cell("rover_bridge"),
+        {"rig.bridge": None, "rig.boxes": (*SIDES, AHEAD), "mechanism.imu": INERTIAL},
+    )
+    drive = {"at_s": 0.8, "cmd/drive": {"rates": [0.3, 0.0]}}
+    run = Simulation(cell, Script.model_validate({"duration_s": 5.5, "step": [drive]}))
+    for wheel in BOTH:
+        run.rig.inject(RigFault(kind="slip", target=wheel, value=0.005))
+    run.run()
+    assert run.states[-1].mode == "hold"
+    assert odometry_off(run) < 0.1
