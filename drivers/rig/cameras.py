@@ -43,6 +43,9 @@ class SimulatedCameras(ABC):
             sighting, late_s = self._look(eye.camera, tick)
             eye.underway.append((now_s + eye.camera.latency_s + late_s, encode(sighting)))
 
+    def close(self) -> None:  # noqa: B027  most hold nothing
+        """Let go of what makes the pictures, if anything does."""
+
     @abstractmethod
     def _look(self, camera: CameraSection, tick: int) -> tuple[Sighting, float]:
         """Return what a camera sees, and how much later than its latency that is told [s]."""

@@ -12,9 +12,9 @@ from laboratory.campaign.urdfs.trial import try_arm
 from laboratory.equipment.arms import read_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.config.urdf.links import LinkMesh, link_shape
+from telerobot.config.urdf.shapes import LinkMesh, hull_of, link_shape
 from telerobot.tools.cli import main
-from telerobot.tools.init.capsules import fit, hull_of
+from telerobot.tools.init.capsules import fit
 from telerobot.tools.init.draft import bound, path_from, range_of
 from telerobot.tools.init.make import make
 from telerobot.tools.init.robot import carried_mass

@@ -6,9 +6,10 @@ from laboratory.equipment.arms import read_arm
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
 from telerobot.config.urdf.robot import read_robot
+from telerobot.config.urdf.shapes import Tube
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.tools.cli import main
-from telerobot.tools.init.capsules import Fit, Place, Tube, merged
+from telerobot.tools.init.capsules import Fit, Place, merged
 from telerobot.tools.init.robot import read_arms
 from telerobot.tools.simulation.simulation import simulate
 

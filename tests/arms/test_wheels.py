@@ -182,7 +182,7 @@ def test_the_script_names_its_target_as_seen_from_a_base_above_the_floor(tmp_pat
     target = made.draft.passes[4]  # half the way to `start`, all of it; half the way here
     T_wrist_mrf = Pose(np.eye(3), made.draft.mrf)
     T_world_mrf = mechanism.kinematics(np.array([0.0, 0.0, *target]), T_wrist_mrf).T_world_mrf
-    assert made.plan.target[0] == pytest.approx(T_world_mrf.p - [0.0, 0.0, RADIUS], abs=1e-4)
+    assert made.plans[0].target[0] == pytest.approx(T_world_mrf.p - [0.0, 0.0, RADIUS], abs=1e-4)
 
 
 def test_a_wheels_positive_sense_is_ahead_whichever_way_its_axis_points(tmp_path):

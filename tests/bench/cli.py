@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from telerobot.config.load import load_cell
-from telerobot.drivers.device import DeviceError
 from telerobot.tools import arguments
 from telerobot.tools.bench import cli, tick
 from telerobot.tools.bench.figures import Figures
 from telerobot.tools.cli import run_alone
+from telerobot.tools.recording.plot import require_matplotlib
 
 from . import fit, held, rover
 from .against import compare
@@ -80,10 +80,7 @@ def _grown(file: Path, quick: bool) -> int:
 
 def _drawing() -> Callable[[Figures, Path], None]:
     """Return a function that draws the growth; raises `DeviceError` without matplotlib."""
-    try:
-        from .growth_plot import draw
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
-        raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
+    require_matplotlib()
+    from .growth_plot import draw
+
     return draw

@@ -10,6 +10,7 @@ from ...config.load import Cell
 from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection, ScannerSection
 from ...config.urdf.robot import axle_of
+from ...config.urdf.shapes import Tube
 from ...server.control.forest import Forest
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.scene import Flags
@@ -235,12 +236,9 @@ def _hidden(contour: ContourReflexSection, view: SeenCells, knots: Knots, radii:
     share = (np.arange(PIECES) + 0.5) / PIECES
     rays = start[:, None] + share[:, None] * toward[:, None]
     hidden = np.zeros(len(points), dtype=bool)
-    for c, radius in enumerate(radii):
-        a, b = knots.ends[0, 2 * c], knots.ends[0, 2 * c + 1]
-        length = max(float((b - a) @ (b - a)), 1e-12)
-        t = np.clip((rays - a) @ (b - a) / length, 0.0, 1.0)
-        off = np.linalg.norm(rays - a - t[..., None] * (b - a), axis=2)
-        hidden |= off.min(axis=1) < radius
+    for c, radius in enumerate(radii.tolist()):
+        tube = Tube(knots.ends[0, 2 * c], knots.ends[0, 2 * c + 1], radius)
+        hidden |= tube.holds(rays.reshape(-1, 3)).reshape(rays.shape[:2]).any(axis=1)
     part = float(hidden.mean())
     return Finding(
         "sight hidden",

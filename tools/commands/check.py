@@ -9,11 +9,11 @@ from typing import Final
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
 from ...config.urdf.meshes import packages_of
-from ...drivers.device import DeviceError
 from ..checks.findings import Finding, Severity, failed, summary, table, to_json
 from ..checks.hardware.on_bus import on_bus
 from ..checks.hardware.trial import profile
 from ..checks.judge import judge
+from ..recording.plot import require_matplotlib
 
 STANDS_OUT: Final = 5e-4
 """A shape that its capsules do not hold by more than this is worth a word [m]."""
@@ -48,12 +48,9 @@ def _picture(cell: Cell, out: Path, packages: Sequence[str]) -> list[Finding]:
     """Draw links and capsules into a file; return how tight each link's capsules are."""
     if out.suffix not in (".png", ".svg") or not out.parent.is_dir():
         raise ConfigError(f"--picture: value '{out}': must end in .png or .svg, in a folder")
-    try:
-        from ..recording.plot.scenes import covers, drawn
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
-        raise DeviceError("nothing to draw with: pip install 'telerobot[plot]'") from None
+    require_matplotlib()
+    from ..recording.plot.scenes import covers, drawn
+
     links = covers(cell, packages_of(packages))
     drawn(f"{cell.config.name}: shapes of links, and their capsules", links).savefig(out, dpi=110)
     found = [

@@ -5,43 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-import coal
 import numpy as np
-from numpy.typing import NDArray
 from trimesh.intersections import slice_faces_plane
 
-from ...config.urdf.links import LinkMesh
-
-Array = NDArray[np.float64]
-
-
-class Hull(NamedTuple):
-    """The convex hull of a shape."""
-
-    volume: float  # [m³]
-    centre: Array  # centre of volume (3,) [m]
-    moments: Array  # ∫ (|r|² 1 − r rᵀ) dV about the centre (3, 3) [m⁵]
-
-
-def hull_of(points: Array) -> Hull | None:
-    """Return the convex hull of points (p, 3); None for points that span no volume."""
-    corners = coal.StdVec_Vec3s()
-    for point in points:
-        corners.append(point)
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if len(points) < 4 or spread[2] < 1e-6 * max(spread[0], 1e-12):
-        return None
-    try:
-        hull = coal.Convex.convexHull(corners, True, "Qt")
-    except (RuntimeError, ValueError):
-        return None
-    volume = float(hull.computeVolume())
-    if not volume > 1e-12:
-        return None
-    centre = np.array(hull.computeCOM())
-    moments = np.array(hull.computeMomentofInertiaRelatedToCOM())
-    return Hull(volume, centre, moments)
-
+from ...config.urdf.shapes import CORNERS, Array, LinkMesh, Tube, extreme, hull_of, union
 
 # --- Capsules around a link's shape: one to three, as tight as a local search finds them ----------
 #
@@ -56,42 +23,7 @@ _RADII: Final = np.array([1.0, 1.02, 1.05, 1.1, 1.2, 1.35])
 _HERE: Final = np.zeros(4)
 _STEPS: Final = (0.3, 0.15, 0.07, 0.03, 0.012, 0.005)
 _SPARE: Final = 2e-4  # added to every radius: numbers are written with four digits [m]
-_CORNERS: Final = 240  # corners that a search looks at; the end is held against all [1]
 _TRIANGLES: Final = 600  # triangles that a search for cuts looks at [1]
-_SAMPLES: Final = 20_000
-
-
-class Tube(NamedTuple):
-    """A capsule: in a link's frame, or in World what an arm keeps away from."""
-
-    start: Array
-    end: Array
-    radius: float
-
-    def volume(self) -> float:
-        """Return its volume [m³]."""
-        length = float(np.linalg.norm(self.end - self.start))
-        return math.pi * self.radius**2 * (length + 4.0 / 3.0 * self.radius)
-
-    def distance(self, points: Array) -> Array:
-        """Return the distances (p,) of points (p, 3) from it, negative inside [m]."""
-        along = self.end - self.start
-        length2 = max(float(along @ along), 1e-18)
-        part = np.clip((points - self.start) @ along / length2, 0.0, 1.0)
-        off = points - self.start - part[:, None] * along
-        return np.asarray(np.sqrt((off * off).sum(axis=1)) - self.radius)
-
-    def placed(self, R: Array, p: Array) -> "Tube":
-        """Return it in the frame in which its own is at R (3, 3), p (3,)."""
-        return Tube(R @ self.start + p, R @ self.end + p, self.radius)
-
-    def seen_from(self, R: Array, p: Array) -> "Tube":
-        """Return it in a frame that is at R (3, 3), p (3,) of its own."""
-        return Tube((self.start - p) @ R, (self.end - p) @ R, self.radius)
-
-    def holds(self, points: Array) -> NDArray[np.bool_]:
-        """Return which of some points (p, 3) are inside (p,)."""
-        return np.asarray(self.distance(points) <= 0.0)
 
 
 class Fit(NamedTuple):
@@ -126,7 +58,7 @@ def fit(shape: LinkMesh) -> Fit:
         if exact is not None and union(exact[0]) < WORTH ** (count - len(best)) * union(best):
             best = exact[0]
     found = tuple(Tube(t.start.round(4), t.end.round(4), t.radius) for t in best)
-    hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * _CORNERS))
+    hull = hull_of(extreme(triangles.reshape(-1, 3), 4 * CORNERS))
     ratio = math.inf if hull is None else union(found) / hull.volume
     source = "its visual shape" if shape.from_visual else "its collision shape"
     return Fit(shape.link, found, ratio, source)
@@ -219,26 +151,6 @@ def _frame(axis: Array) -> Array:
     first = np.cross(axis, other)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(axis, first), axis])
-
-
-def extreme(points: Array, most: int = _CORNERS) -> Array:
-    """Return those of many points that are the farthest in some direction."""
-    if len(points) <= most:
-        return points
-    draw, across = np.random.default_rng(0).normal(size=(most, 3)), points.T.copy()
-    found = [(draw[i : i + 16] @ across).argmax(axis=1) for i in range(0, most, 16)]
-    return np.asarray(points[np.unique(np.concatenate(found))])
-
-
-def union(tubes: tuple[Tube, ...]) -> float:
-    """Return the volume of capsules, what they share once [m³]."""
-    if len(tubes) == 1:
-        return tubes[0].volume()
-    low = np.min([np.minimum(t.start, t.end) - t.radius for t in tubes], axis=0)
-    high = np.max([np.maximum(t.start, t.end) + t.radius for t in tubes], axis=0)
-    points = np.random.default_rng(0).uniform(low, high, size=(_SAMPLES, 3))
-    inside = np.any([t.holds(points) for t in tubes], axis=0)
-    return float(np.prod(high - low) * inside.mean())
 
 
 # --- Fewer capsules for parts that belong to one body: what is near each other gets one for both

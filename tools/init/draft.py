@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from ...config.urdf.robot import CONTINUOUS_RANGE
-from .capsules import Array, Fit
+from ...config.urdf.shapes import Array
+from .capsules import Fit
 from .robot import UrdfArm
 
 

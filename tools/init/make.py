@@ -12,9 +12,9 @@ import numpy as np
 from ...config.drives import greatest_inertias
 from ...config.errors import ConfigError
 from ...config.load import Cell, load_cell
+from ...config.urdf.shapes import Array, Tube
 from ..checks.findings import Severity
 from ..checks.loops import stability
-from .capsules import Array, Tube
 from .draft import (
     HOLDS,
     Draft,
@@ -185,11 +185,6 @@ class Made:
     def draft(self) -> Draft:
         """The first arm's."""
         return self.drafts[0]
-
-    @property
-    def plan(self) -> ScriptFigures:
-        """The first arm's: it pushes on the wall."""
-        return self.plans[0]
 
 
 def make(arms: UrdfArm | Sequence[UrdfArm], out: Path, base: Wheels | str | None = None) -> Made:

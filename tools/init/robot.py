@@ -13,19 +13,10 @@ import numpy as np
 
 from ...config.errors import ConfigError, nearest
 from ...config.urdf.elements import FRAME_MASS, NO_INERTIA, end_of, inertial_fault, origin_of
-from ...config.urdf.links import LinkTree, link_shape, movable
+from ...config.urdf.links import LinkTree, movable
 from ...config.urdf.robot import read_tree
-from .capsules import (
-    MOST_OF_CELL,
-    Array,
-    Fit,
-    Place,
-    Tube,
-    extreme,
-    fit,
-    hull_of,
-    merged,
-)
+from ...config.urdf.shapes import Array, Tube, extreme, hull_of, link_shape
+from .capsules import MOST_OF_CELL, Fit, Place, fit, merged
 
 # --- End of the arm in a URDF's tree: fingers, wheels and heads are no part of it -----------------
 FINGERS: Final = 2

@@ -8,12 +8,12 @@ import numpy as np
 
 from ...config.drives import joint_bounds
 from ...config.load import Cell
+from ...config.urdf.shapes import Array, Tube
 from ...server.control.mechanism.model import Mechanism
 from ...server.control.proximity.capsules import Capsules
 from ...server.control.proximity.distance import measured
 from ...server.control.scene import empty
 from ...server.control.spatial import Pose
-from .capsules import Array, Tube
 from .draft import HOLDS, Draft
 
 # --- Search in a cell's own model: free postures, ways of the tool, what always overlaps ----------

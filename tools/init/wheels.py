@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from ...config.urdf.elements import check_elements, end_of, floats, origin_of
-from ...config.urdf.links import link_shape, movable
+from ...config.urdf.links import movable
 from ...config.urdf.robot import ALONG_AXLE
-from .capsules import Array
+from ...config.urdf.shapes import Array, link_shape
 from .draft import QUICKEST, STRONGEST, DriveDraft, Wheels, limit_of
 from .robot import UrdfArm, carried_mass, is_wheel, moves
 

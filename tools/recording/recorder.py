@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from mcap.writer import Writer
 
@@ -25,7 +25,7 @@ _SCHEMAS: Final[dict[str, dict[str, Any]]] = tomllib.loads(
 
 
 class Recorder:
-    """Writes one MCAP file; a context manager."""
+    """Writes one MCAP file."""
 
     def __init__(self, path: Path) -> None:
         """Open it. Raises `OSError`."""
@@ -35,12 +35,6 @@ class Recorder:
         self._writer.start(profile="", library="telerobot")
         self._channels: dict[str, int] = {}
         self._sequence = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def frame(self, time_s: float, can_id: int, data: bytes, sent: bool, bus: int = 0) -> None:
         row = {"id": can_id, "data": data, "sent": sent, "bus": bus}

@@ -58,8 +58,9 @@ class LiveRun:
         `watch` is called all the while and may raise.
         """
         operator, player = self._operator, self.player
-        operator.on_state, operator.on_event = player.on_state, self._on_event
-        operator.on_reflection = player.on_reflection
+        operators = player.operators
+        operator.on_state, operator.on_event = operators.on_state, self._on_event
+        operator.on_reflection = operators.on_reflection
         start_s = time.monotonic()
         try:
             while not player.over and not self.failure:

@@ -265,13 +265,6 @@ class Player:
         """True once the script is played, or cannot be."""
         return self.phase in (Phase.OVER, Phase.FAILED)
 
-    def on_state(self, state: State) -> None:
-        self.operators.on_state(state)
-
-    def on_reflection(self, news: Reflection) -> None:
-        """Take in the force that handles shall push with."""
-        self.operators.on_reflection(news)
-
     def run(self, now_s: float) -> None:
         """Advance to `now_s`: deliver messages, do due steps, move generators."""
         self._now_s = now_s

@@ -306,9 +306,11 @@ class TunnelJudge:
     """Judges every tick by the physics; idle for a cell without a backbone."""
 
     def __init__(self, cell: Cell) -> None:
-        backbone = cell.config.mechanism.backbone
+        backbone, rig = cell.config.mechanism.backbone, cell.config.rig
+        if backbone is not None and rig is not None and rig.tunnel.pieces:
+            backbone = backbone.model_copy(update={"tunnel": rig.tunnel.pieces})
         self._chain = None if backbone is None else Chain.from_cell(cell)
-        self._line = None if backbone is None else _CentreLine(in_truth(cell, backbone))
+        self._line = None if backbone is None else _CentreLine(backbone)
         self.centre_error = 0.0  # the farthest that a link was off the centre line inside [m]
         self.insertion = self.deepest = 0.0
         """How far in along the centre line the tip is, and has been [m]."""
@@ -337,12 +339,6 @@ class TunnelJudge:
             "centre_error_m": self.centre_error,
             "wall_force_n": self.wall_force,
         }
-
-
-def in_truth(cell: Cell, backbone: BackboneSection) -> BackboneSection:
-    """Return the backbone with the tunnel that the virtual hardware has."""
-    pieces = () if cell.config.rig is None else cell.config.rig.tunnel.pieces
-    return backbone.model_copy(update={"tunnel": pieces or backbone.tunnel})
 
 
 class _CentreLine:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ...config.load import Cell, ConfigError, load_cell
 from ...drivers.bus import CanMessage
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import VirtualBuses
-from ...drivers.rig.cameras import RenderedCameras
+from ...drivers.rig.cameras import RenderedCameras, SimulatedCameras
 from ...drivers.rig.rig import Rig
 from ...protocols import topics as t
 from ...protocols.codec import encode
@@ -68,15 +67,6 @@ class Result:
         )
 
 
-def event_rows(events: Sequence[Event]) -> list[dict[str, object]]:
-    """Return events as rows of JSON, `values` only where there are any."""
-    return [
-        {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
-        | ({"values": e.values} if e.values else {})
-        for e in events
-    ]
-
-
 def least(values: Iterable[float | None]) -> float | None:
     """Return the least of those that are there; None for none."""
     return min((value for value in values if value is not None), default=None)
@@ -110,16 +100,6 @@ def seeded_keys(owner: str) -> Callable[[], bytes]:
 ENABLE_WITHIN_S = 10.0  # a script whose arm is not enabled by then has failed [s]
 
 
-class Cameras(Protocol):
-    """Cameras of a simulated cell."""
-
-    def run(self, now_s: float, tick: int) -> None:
-        """Hand over what has arrived by `now_s`, and take the pictures due at SYNC `tick`."""
-
-    def close(self) -> None:
-        """Let go of what makes the pictures."""
-
-
 class Simulation:
     """One run of a cell under a script; `cameras` takes the place of the rendered ones.
 
@@ -131,7 +111,7 @@ class Simulation:
         cell: Cell,
         script: Script,
         record: Path | None = None,
-        cameras: "Callable[[Simulation], Cameras] | None" = None,
+        cameras: "Callable[[Simulation], SimulatedCameras] | None" = None,
         box: BlackBox | None = None,
         real: Cell | None = None,
     ) -> None:
@@ -233,7 +213,7 @@ class Simulation:
         if self.on_tick is not None:
             self.on_tick(self)
 
-    def _open_cameras(self) -> "Cameras | None":
+    def _open_cameras(self) -> SimulatedCameras | None:
         """Return the cell's rendered cameras; none where it has none, or they cannot be had."""
         if not any(c.device is None for c in self.cell.cameras):
             return None
@@ -270,12 +250,12 @@ class Simulation:
     def _on_telemetry(self, _topic: t.Topic, message: m.Message) -> None:
         if isinstance(message, State):
             self.states.append(message)
-            self.player.on_state(message)
+            self.player.operators.on_state(message)
             if self.scans is not None:
                 self.scans.on_state(message)
             self._write("state", message)
         elif isinstance(message, Reflection):
-            self.player.on_reflection(message)
+            self.player.operators.on_reflection(message)
             self._write("reflection", message)
         elif isinstance(message, ObstacleNews):
             self._write("obstacle", message)
@@ -320,7 +300,11 @@ class Simulation:
             "ticks": self.cycle.tick,
             "duration_s": round(self.clock.time_s + period, 9),
             "mode": str(self.cycle.mode),
-            "events": event_rows(self.events),
+            "events": [
+                {"t_s": e.time_s, "name": e.name, "severity": e.severity, "detail": e.detail}
+                | ({"values": e.values} if e.values else {})
+                for e in self.events
+            ],
             "refused": self.player.refused,
             "limit_violations": len(self.observer.violations),
             "violations": [v.__dict__ for v in self.observer.violations[:20]],

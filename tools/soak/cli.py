@@ -47,9 +47,6 @@ class ComputedSights(SimulatedCameras):
         self._names = {t.tag: t.name for t in (rig.tags if rig is not None else ())}
         self._draw = np.random.default_rng([seed, *b"sights"])
 
-    def close(self) -> None:
-        """Nothing was opened."""
-
     def _look(self, camera: CameraSection, tick: int) -> tuple[Sighting, float]:
         late_s = self._draw.uniform(0.0, LATE_S) if self._draw.random() < LATE else 0.0
         return self._seen(camera, tick), late_s

@@ -42,7 +42,7 @@ def play(seed: int) -> Outcome:
                 well += 1
                 if well % PLAYED_EVERY == 0:
                     outcome.inputs["cells simulated"] += 1
-                    Simulation(cell, Script(duration_s=0.2), cameras=lambda _s: Blind()).run()
+                    Simulation(cell, Script(duration_s=0.2), cameras=Blind).run()
             except ConfigError as refusal:
                 lines = str(refusal).splitlines()
                 if not all(line.startswith(folder) and len(line) <= 1000 for line in lines):

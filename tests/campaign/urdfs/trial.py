@@ -166,7 +166,7 @@ def _drive(made: Made, out: Path) -> list[str]:
 
 def _keep_clear(made: Made, out: Path, *, sphere: bool = True) -> Result:
     """Drive the tool at a sphere, then go back and to a pose; without the sphere, to the pose."""
-    plan = made.plan
+    plan = made.plans[0]
     wall = made.draft.wall
     if wall is None:
         raise ConfigError(f"{out}: rig.wall: missing")

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
+from laboratory.campaign.fuzz.blind import Blind
 from telerobot.config.load import Cell
 from telerobot.drivers.device import DeviceError
 from telerobot.protocols.messages.perception import (
@@ -92,7 +93,7 @@ def run_of(cell: Cell, moment: Moment) -> Run:
     if moment.time_s <= 0.0:
         return Run([], [])
     script = load_script(moment.script or cell.default_script)
-    simulation = Simulation(cell, script, cameras=_Blind)
+    simulation = Simulation(cell, script, cameras=Blind)
     scanned = _Scanned(simulation)
     simulation.run(until=lambda: simulation.clock.time_s >= moment.time_s)
     since = simulation.clock.time_s - TRAIL_S
@@ -155,15 +156,3 @@ class _Scanned:
             yield told_obstacle(news).text
         if self._contour is not None:
             yield told_contour(self._contour).text
-
-
-class _Blind:
-    """Cameras that see nothing during the run: what they see is rendered at its end alone."""
-
-    def __init__(self, simulation: Simulation) -> None: ...
-
-    def run(self, now_s: float, tick: int) -> None:
-        """See nothing."""
-
-    def close(self) -> None:
-        """Let go of nothing."""

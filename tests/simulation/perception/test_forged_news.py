@@ -5,6 +5,7 @@ The virtual world stands still; what is told of it is made up. Nobody touches th
 
 import numpy as np
 import pytest
+from laboratory.campaign.fuzz.blind import Blind
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.surroundings import AvoidanceSection
 from telerobot.protocols import topics as t
@@ -21,19 +22,6 @@ SILENT = [
     {"at_s": 0.0, "rig/fault": {"kind": "silence", "target": "base"}},
     {"at_s": 0.0, "rig/fault": {"kind": "silence", "target": "carrier"}},
 ]
-
-
-class Blind:
-    """Cameras that see nothing: all pictures are made up."""
-
-    def __init__(self, _simulation):
-        pass
-
-    def run(self, now_s, tick):
-        pass
-
-    def close(self):
-        pass
 
 
 def play(name, forge, seconds=2.0, steps=(), listener=lambda topic, message: None):

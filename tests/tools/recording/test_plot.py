@@ -36,7 +36,7 @@ def test_a_recording_says_what_was_run(recorded):
 def test_what_is_drawn_is_what_was_simulated(recorded):
     path, result = recorded
     run = load_recording(path)
-    assert run.joints == ("s1", "s2", "s3", "e1", "e2", "w1", "w2")
+    assert run.cell.joints == ("s1", "s2", "s3", "e1", "e2", "w1", "w2")
     np.testing.assert_allclose(
         run.of_truths(lambda t: t["q"]), [truth.q for truth in result.truths], atol=1e-12
     )
@@ -168,7 +168,7 @@ def test_a_run_of_two_arms_is_drawn_with_both(tmp_path):
     )
     result = Simulation(load_cell("pa10_two"), script, path).run()
     run, ax = load_recording(path), Figure().add_subplot()
-    assert (run.joints[0], run.joints[7]) == ("left.s1", "right.s1")
+    assert (run.cell.joints[0], run.cell.joints[7]) == ("left.s1", "right.s1")
     assert {name: p.shape for name, p in run.tool_paths.items()} == {
         "left": (len(result.truths), 3), "right": (len(result.truths), 3),
     }  # fmt: skip

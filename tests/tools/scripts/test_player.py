@@ -23,7 +23,7 @@ class Play:
         while self.ms < 1000 * end_s and not self.player.over:
             if self.ms % 10 == 0:
                 state = self.make_state(tick=self.ms // 10, mode=self.daemon.mode)
-                self.player.on_state(state)
+                self.player.operators.on_state(state)
             before = len(self.daemon.heard)
             self.player.run(self.ms / 1000)
             self.sent += [(self.ms / 1000, *heard) for heard in self.daemon.heard[before:]]

@@ -138,14 +138,16 @@ class Access:
 
     def role_of_key(self, key: str) -> Role | None:
         """Return the role that a secret gives; None for no secret of this console."""
-        shown = key.encode(errors="replace")
-        found = [r for r in _RANK if hmac.compare_digest(self.keys[r].encode(), shown)]
-        return found[0] if found else None
+        return self._role_of(key, self.keys.__getitem__)
 
     def role_of_cookie(self, cookie: str) -> Role | None:
         """Return the role that a cookie gives; None for none of this console's."""
-        shown = cookie.encode(errors="replace")
-        found = [r for r in _RANK if hmac.compare_digest(self.cookie(r).encode(), shown)]
+        return self._role_of(cookie, self.cookie)
+
+    def _role_of(self, shown: str, wanted: Callable[[Role], str]) -> Role | None:
+        """Return the first role that is shown what it wants; all are compared, for equal times."""
+        known = shown.encode(errors="replace")
+        found = [r for r in _RANK if hmac.compare_digest(wanted(r).encode(), known)]
         return found[0] if found else None
 
     def cookie(self, role: Role) -> str:

@@ -55,10 +55,6 @@ class RecordedRun:
         return np.array([truth["time_s"] for truth in self.truths])
 
     @cached_property
-    def joints(self) -> tuple[str, ...]:
-        return self.cell.joints
-
-    @cached_property
     def tool_paths(self) -> dict[str, Array]:
         """Where the MRF of each arm was (t, 3) [m], by the mechanism's name."""
         arms = [truth.get("arms") or {"": truth} for truth in self.truths]
@@ -127,8 +123,8 @@ def load_recording(path: Path, cell: str | None = None) -> RecordedRun:
         rows[message.topic].append({"time_s": message.stamp_ns / 1e9} | message.json())
     if not run.states or not run.truths:
         raise RecordError(f"{path}: holds no simulated run: no states, or no truth")
-    if len(run.truths[0]["q"]) != len(run.joints):
-        has, wants = len(run.truths[0]["q"]), len(run.joints)
+    if len(run.truths[0]["q"]) != len(run.cell.joints):
+        has, wants = len(run.truths[0]["q"]), len(run.cell.joints)
         raise RecordError(f"{path}: its arm has {has} joints, that of {run.cell.path} {wants}")
     return run
 
@@ -241,7 +237,7 @@ def priority(run: RecordedRun, ax: Axes) -> bool:
 def rates(run: RecordedRun, ax: Axes) -> bool:
     """Commanded joint rates."""
     values = run.of_states(lambda s: s["dq_command"])
-    for i, joint in enumerate(run.joints):
+    for i, joint in enumerate(run.cell.joints):
         ax.plot(run.time, values[:, i], label=joint)
     return _named(ax, "joint rates [rad/s]", True)
 

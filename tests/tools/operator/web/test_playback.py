@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from contextlib import closing
 
 import pytest
 import trimesh
@@ -141,7 +142,7 @@ def test_a_recording_carries_the_meshes_that_its_page_draws(small, tmp_path):
     small.urdf.write_text(urdf.replace('<link name="l1">', f'<link name="l1">{visual}'))
     cell, file = load_cell(small.cell), tmp_path / "run.mcap"
     drawn = scene_of(cell)
-    with Recorder(file) as recorder:
+    with closing(Recorder(file)) as recorder:
         recorder.about(cell)
     mesh.unlink()
     small.urdf.unlink()

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from telerobot.config.load import load_cell
-from telerobot.tools.cli import main
 from telerobot.tools.recording.plot.figure import load_recording
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -22,7 +21,7 @@ def recorded(tmp_path_factory):
 
 def test_scans_contour_and_arm_are_drawn_where_they_were(recorded, tmp_path):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.scenes import ducking
+    from laboratory.equipment.figures import ducking, main
 
     path = recorded("rover_bridge", 0.9)
     run = load_recording(path)
@@ -40,11 +39,14 @@ def test_scans_contour_and_arm_are_drawn_where_they_were(recorded, tmp_path):
     tool = next(line for line in passage.lines if line.get_label() == "tool")
     assert tool.get_ydata()[-1] == pytest.approx(run.truths[-1]["pose_mrf"][2], abs=2e-3)
     out = tmp_path / "figure.png"
-    assert main(["plot", str(path), "--panels", "contour", "--out", str(out)]) == 0
+    assert main(["contour", str(path), "--out", str(out)]) == 0
     assert out.stat().st_size > 5000
 
 
-def test_a_cell_without_a_contour_is_refused_by_name(recorded, capsys):
+def test_a_cell_without_a_contour_is_refused_by_name(recorded, capsys, tmp_path):
+    pytest.importorskip("matplotlib")
+    from laboratory.equipment.figures import main
+
     path = recorded("pa10", 0.2)
-    assert main(["plot", str(path), "--panels", "contour"]) == 2
+    assert main(["contour", str(path), "--out", str(tmp_path / "figure.png")]) == 2
     assert "contour: missing: nobody looks ahead" in capsys.readouterr().err

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.backbone.insertion import Backbone
-from telerobot.tools.cli import main
 from telerobot.tools.recording.plot.figure import load_recording
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
@@ -25,7 +24,7 @@ def recorded(tmp_path_factory):
 
 def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.scenes import slithering
+    from laboratory.equipment.figures import main, slithering
 
     path = recorded("snake", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
     run = load_recording(path)
@@ -38,13 +37,13 @@ def test_links_and_curve_are_drawn_where_they_were(recorded, tmp_path, capsys):
     free = [line.get_xydata() for line in curve.lines if line.get_color() == "tab:blue"]
     assert np.linalg.norm(free[0][-1] - drawn[0][-1]) < 0.005
     out = tmp_path / "figure.png"
-    assert main(["plot", str(path), "--panels", "tunnel", "--out", str(out)]) == 0
+    assert main(["tunnel", str(path), "--out", str(out)]) == 0
     assert out.stat().st_size > 5000
 
 
 def test_in_space_links_are_drawn_where_they_truly_were(recorded):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.scenes import slithering
+    from laboratory.equipment.figures import slithering
 
     run = load_recording(
         recorded("snake_tail_space", {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}})
@@ -59,7 +58,7 @@ def test_in_space_links_are_drawn_where_they_truly_were(recorded):
 @pytest.mark.parametrize("cell", ["snake", "snake_space"])
 def test_a_run_that_came_by_all_six_free_lengths_of_the_paper_shows_these(recorded, cell):
     pytest.importorskip("matplotlib")
-    from telerobot.tools.recording.plot.scenes import slithering
+    from laboratory.equipment.figures import slithering
 
     run = load_recording(recorded(cell, {"at_s": 0.1, "cmd/drive": {"rates": [0.08]}}))
     # As if it had gone in from the entrance to the end.
@@ -73,7 +72,10 @@ def test_a_run_that_came_by_all_six_free_lengths_of_the_paper_shows_these(record
     assert shares == [1.0, 0.94, 0.83, 0.68, 0.54, 0.44]
 
 
-def test_an_arm_without_tunnels_is_refused_by_name(recorded, capsys):
+def test_an_arm_without_tunnels_is_refused_by_name(recorded, capsys, tmp_path):
+    pytest.importorskip("matplotlib")
+    from laboratory.equipment.figures import main
+
     path = recorded("pa10", {"at_s": 0.1, "cmd/joystick": {"twist": [0.0] * 6}})
-    assert main(["plot", str(path), "--panels", "tunnel"]) == 2
+    assert main(["tunnel", str(path), "--out", str(tmp_path / "figure.png")]) == 2
     assert "mechanism.backbone: missing" in capsys.readouterr().err
