@@ -1,5 +1,6 @@
 """Schema of the spare freedoms: redundancy objectives, potential field, virtual spheres."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -12,21 +13,40 @@ Strength = Annotated[float, Field(ge=0, le=100)]
 
 
 class VirtualLinkSection(Section):
-    """A prismatic link between path and tool that is not there: along it the tool gives way.
+    """Prismatic links between path and tool that are not there: along them the tool gives way.
 
-    For an arm without spare freedom. The field pushes the tool off its path, the spring leads it
-    back; it acts while the tool follows a path, and at its end.
+    The field pushes the tool off its path, springs lead it back; they act while the tool follows a
+    path, and at its end. An arm with spare joints uses these as well.
     """
 
-    direction: Vector3 = Field((0.0, 0.0, 1.0), description="along it, either way, in World")
-    stiffness: float = Field(5.0, gt=0, le=1e4, description="of the spring, k_p [N/m]")
-    longest: float = Field(0.2, gt=0, le=2, description="furthest from the path [m]")
+    directions: tuple[Vector3, ...] = Field(
+        ((0.0, 0.0, 1.0),),
+        min_length=1,
+        max_length=2,
+        description="one for each link, along it, either way; two are square to each other",
+    )
+    axes: Literal["world", "mrf", "crf", "path"] = Field(
+        "world",
+        description="axes of directions: World's; the tool's; the operator's, which "
+        "`operator/frame` changes and a camera may carry; or of a straight path: x along it, z as "
+        "near to World's z as may be",
+    )
+    always: bool = Field(
+        False, description="off a path too: while the tool stands, or is led by a stick"
+    )
+    stiffness: float = Field(5.0, gt=0, le=1e4, description="of each spring, k_p [N/m]")
+    longest: float = Field(0.2, gt=0, le=2, description="furthest from the path, each link [m]")
     speed: float = Field(0.2, gt=0, le=5, description="fastest off the path and back [m/s]")
 
     @model_validator(mode="after")
-    def _has_a_direction(self) -> "VirtualLinkSection":
-        if not any(self.direction):
-            raise ValueError("direction must not be zero")
+    def _has_directions(self) -> "VirtualLinkSection":
+        if not all(any(d) for d in self.directions):
+            raise ValueError("a direction must not be zero")
+        for d in self.directions[1:]:
+            first = self.directions[0]
+            across = sum(a * b for a, b in zip(first, d, strict=True))
+            if abs(across) > 1e-6 * math.hypot(*first) * math.hypot(*d):
+                raise ValueError(f"directions {first} and {d} must be square to each other")
         return self
 
 

@@ -319,6 +319,7 @@ class Arm:
             seen,
             acting,
             off_path=task.off_path,
+            way=task.position.way,
             insertion=memory.insertion,
             by_hand=memory.by_hand,
             settled=settled,

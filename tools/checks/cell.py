@@ -260,7 +260,8 @@ def _obstacles(cell: Cell) -> Finding:
         text += "; moves no idle arm"
     link = config.potential.virtual_link
     if link is not None:
-        text += f"; a tool with a goal gives way at up to {link.speed:g} m/s, {link.longest:g} m"
+        when = "a tool" if link.always else "a tool with a goal"
+        text += f"; {when} gives way at up to {link.speed:g} m/s, {link.longest:g} m"
     return Finding(
         "news of obstacles",
         Severity.OK,

@@ -93,7 +93,9 @@ class Resolver:
             view = self._field.look(
                 q, k, inputs.scene, request.objectives, seen.T_world_base, seen.placed, held
             )
-        give_way = self._field.give_way(view, request.off_path, inputs.goal is not None, factor)
+        R_crf, led = inputs.settings.T_world_crf.R, inputs.goal is not None
+        links = self._field.directions(k.T_world_mrf.R, R_crf, request.way)
+        give_way = self._field.give_way(view, request.off_path, led, factor, links)
         task = self.resolve(q, k.J, shifted(request.twist, give_way), seen.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:

@@ -99,7 +99,9 @@ class RateRequest(NamedTuple):
     twist: Array = NO_TWIST
     """Of its MRF, World axes (6,) [m/s, rad/s]."""
     off_path: Array | None = None
-    """Where the virtual link has the tool off its path, in World (3,) [m]."""
+    """Where the virtual links have the tool off its path, in World (3,) [m]."""
+    way: Array = NO_LEVER
+    """Where a straight path goes as a whole, in World (3,) [m]; zeros without one."""
     insertion: Insertion | None = None
     """Where along its curve it was a tick ago."""
     by_hand: HandState = IDLE

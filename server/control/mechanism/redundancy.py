@@ -276,6 +276,10 @@ ON_PATH = 1e-3
 """A virtual link shorter than this is none: the tool is on its path [m]."""
 
 _NO_LINKS = np.zeros((0, 2, 3))
+_UPRIGHT = 0.999
+"""A path whose direction has more of World's z than this is vertical [1]."""
+_BESIDE = 1e-6
+"""A tool is on its virtual links within this [m]."""
 
 
 class FieldReading(NamedTuple):
@@ -309,9 +313,8 @@ class Field:
         self._repels = capsules is not None and (k.obstacles > 0.0 or k.lines > 0.0)
         self._always = k.joint_limits > 0.0 or k.manipulability > 0.0 or link is not None
         """Something is felt without obstacles too."""
-        self._direction = np.zeros(3)
-        if link is not None:
-            self._direction = np.array(link.direction) / math.hypot(*link.direction)
+        each = () if link is None else link.directions
+        self._directions = np.array([np.array(d) / math.hypot(*d) for d in each]).reshape(-1, 3)
 
     def look(
         self,
@@ -351,30 +354,68 @@ class Field:
         rates, slope = self.flow.self_motion(seen, null)
         return rates, FieldReading(seen.value.parts, slope)
 
+    def directions(self, R_mrf: Array, R_crf: Array, way: Array) -> Array:
+        """Return where the virtual links point (k, 3), unit vectors in World.
+
+        MRF and CRF stand at `R` (3, 3); a straight path goes a `way` (3,) [m], zeros for none.
+        """
+        match "world" if self._link is None else self._link.axes:
+            case "mrf":
+                return self._directions @ R_mrf.T
+            case "crf":
+                return self._directions @ R_crf.T
+            case "path" if float(way @ way) > ON_PATH**2:
+                return self._directions @ path_axes(way)
+        return self._directions
+
     def give_way(
-        self, seen: FieldView | None, off_path: Array | None, on_way: bool, factor: float
+        self,
+        seen: FieldView | None,
+        off_path: Array | None,
+        led: bool,
+        factor: float,
+        directions: Array,
     ) -> Array | None:
         """Return the velocity (3,) [m/s] at which the tool leaves its path, or comes back.
 
-        `off_path` (3,) is where it is off its path now [m], `on_way` tells whether it is led along
-        one, `factor` is the reduced-speed setting. None where there is no path to leave.
+        `off_path` (3,) is where it is off its path now [m], `led` tells whether a goal leads it,
+        `factor` is the reduced-speed setting, `directions` (k, 3) are those of the virtual links.
+        What links that turned have left behind is taken back. None where there is no path to leave.
         """
         link = self._link
-        if link is None or seen is None or not on_way:
+        if link is None or seen is None or not (led or link.always):
             return None
-        d = 0.0 if off_path is None else float(off_path @ self._direction)
-        speed = GIVE_WAY_GAIN * self.flow.along(seen, self._direction, d, link.stiffness)
-        most = factor * link.speed
-        # Towards either end no faster than it can be stopped before.
-        low = max(-most, GIVE_WAY_GAIN * (-link.longest - d))
-        high = min(most, GIVE_WAY_GAIN * (link.longest - d))
-        return np.asarray(min(high, max(low, speed)) * self._direction)
+        most, velocity, left = factor * link.speed, np.zeros(3), off_path
+        for direction in directions:
+            d = 0.0 if off_path is None else float(off_path @ direction)
+            speed = GIVE_WAY_GAIN * self.flow.along(seen, direction, d, link.stiffness)
+            # Towards either end no faster than it can be stopped before.
+            low = max(-most, GIVE_WAY_GAIN * (-link.longest - d))
+            high = min(most, GIVE_WAY_GAIN * (link.longest - d))
+            velocity += min(high, max(low, speed)) * direction
+            left = None if left is None else left - d * direction
+        beside = 0.0 if left is None else math.sqrt(float(left @ left))
+        if left is None or beside < _BESIDE:
+            return velocity
+        return np.asarray(velocity - min(GIVE_WAY_GAIN, most / beside) * left)
 
     def _among(self, k: Kinematics, scene: Scene | None) -> Scene | None:
         """Return what repels the links, where it is now; None if nothing does."""
         if scene is None or not self._repels or not scene.names:
             return None
         return scene.placed(k.T_world_wrist)
+
+
+def path_axes(way: Array) -> Array:
+    """Return the axes of a straight path that goes a way (3,) [m], as rows (3, 3) in World.
+
+    x is along it, z square to it and nearest to World's z, or to World's x on a vertical path.
+    """
+    x = way / math.sqrt(float(way @ way))
+    up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < _UPRIGHT else np.array([1.0, 0.0, 0.0])
+    z = up - float(x @ up) * x
+    z /= math.sqrt(float(z @ z))
+    return np.array([x, np.cross(z, x), z])
 
 
 def on_path(off_path: Array | None) -> bool:

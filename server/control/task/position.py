@@ -260,6 +260,9 @@ class Progress(NamedTuple):
     """Part of the path's own speed that it goes at: 0 when paused [1]."""
 
 
+_NOWHERE: Final = np.zeros(3)
+
+
 class PositionState(NamedTuple):
     """The path under way, if any, and whether its goal is reached."""
 
@@ -289,6 +292,14 @@ class PositionState(NamedTuple):
                 leg = min(self.leg, len(segments) - 1)
                 return Progress(leg, len(segments), part, self.pace)
         return None
+
+    @property
+    def way(self) -> Array:
+        """Where a straight path goes as a whole, in World (3,) [m]; zeros without one."""
+        if not isinstance(self.path, Path):
+            return _NOWHERE
+        plan = self.path.profile.plan
+        return np.asarray(plan.target[:3] - plan.start.q[:3])
 
 
 NO_GOAL: Final = PositionState()

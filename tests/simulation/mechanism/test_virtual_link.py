@@ -37,6 +37,35 @@ def test_off_the_path_means_along_the_links_direction_alone(run):
     assert np.abs(told - way[:, 2]).max() < 5e-3
 
 
+def test_links_across_a_path_that_goes_anywhere_give_way_square_to_it():
+    """Both across the path, which goes to the side, ahead and up; the ball is beside it."""
+    place = (0.5, -0.06, 0.5)
+    ahead = {
+        "xyz": (0.06, -0.3, 0.06),
+        "rpy": (0, 0, 0),
+        "relative_to": "mrf",
+        "expressed_in": "base",
+    }
+    steps = [
+        {"at_s": 0.1, "sensor/obstacle": {"name": "ball", "xyz": place}},
+        {"at_s": 0.1, "rig/fault": {"kind": "place", "target": "ball", "vector": place}},
+        {"at_s": 0.4, "cmd/position": ahead},
+    ]
+    ways = {"directions": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "axes": "path"}
+    cell = altered(load_cell("ur5e_scene"), ways, "potential.virtual_link")
+    simulation = Simulation(cell, Script.model_validate({"duration_s": 7.0, "step": steps}))
+    run = Run(simulation, simulation.run())
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["limit_violations"] == 0
+    assert run.summary["min_clearance_m"] > cell.config.avoidance.clearance
+    off = np.array([s.off_path for s in run.states if s.off_path])
+    path = np.array([s.path_mrf[:3] for s in run.states if s.off_path])
+    way = path[-1] - path[0]
+    assert np.linalg.norm(off, axis=1).max() > 0.01
+    assert np.abs(off @ way).max() < 1e-6 * np.linalg.norm(way)
+    assert np.abs(path[-1] + off[-1] - run.states[-1].pose_mrf[:3]).max() < 2e-3
+
+
 @pytest.mark.parametrize("keeps_clear", [True, False])
 def test_without_the_virtual_link_the_same_path_ends_at_the_obstacle(keeps_clear):
     """Before it, where clearances are kept; else in it, for the field is soft."""

@@ -223,7 +223,7 @@ def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
 
 
 ON_THE_WAY = (ObstacleSection(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)
-LINK = VirtualLinkSection(direction=(0.0, 0.0, 1.0), stiffness=2.0, longest=0.3, speed=0.3)
+LINK = VirtualLinkSection(directions=((0.0, 0.0, 1.0),), stiffness=2.0, longest=0.3, speed=0.3)
 
 
 def crossing(start, obstacles, link=LINK):
@@ -277,3 +277,113 @@ def test_without_a_path_the_virtual_link_moves_nothing(start):
     output = run.go(1.0, scene=scene)
     assert output.task.off_path is None
     np.testing.assert_allclose(run.pose.p, first.p, atol=1e-12)
+
+
+def offs(run):
+    """Where the tool was off its path (ticks, 3) [m]."""
+    return np.array([o.task.off_path for o in run.outputs if o.task.off_path is not None])
+
+
+BESIDE = (ObstacleSection(name="ball", shape="sphere", xyz=(0.57, 0.0, 0.38), radius=0.05),)
+SQUARE = LINK.model_copy(update={"directions": ((0.0, 0.0, 2.0), (1.0, 0.0, 0.0))})
+
+
+def test_two_links_give_way_in_their_plane_to_where_springs_and_field_are_even(start):
+    run, scene, _, goal = crossing(start, BESIDE, SQUARE)
+    run.go(8.0, scene=scene, goal=goal)
+    off = offs(run)
+    assert np.abs(off[:, [0, 2]]).max(axis=0).min() > 0.01
+    assert np.abs(off[:, 1]).max() < 1e-12
+    run.observe()
+    # By differences of the potential alone: no way in the plane leads further downhill.
+    arm, d = run.arm, off[-1]
+    k, q = run.outputs[-1].seen.kinematics, run.memory.commanded.motion.q
+    for e in np.eye(3)[[0, 2]]:
+        dq = np.linalg.solve(k.J, np.concatenate([e, np.zeros(3)]))
+        h = 1e-4
+        up, down = (sum(felt(arm, scene, q + s * h * dq, None).parts.values()) for s in (1, -1))
+        assert (up - down) / (2 * h) == pytest.approx(-SQUARE.stiffness * (d @ e), abs=0.02)
+        assert abs(d @ e) > 1e-3
+
+
+@pytest.mark.parametrize(("axes", "across"), [("mrf", (1.0, 0.0, 0.0)), ("path", (0.0, 1.0, 0.0))])
+def test_a_link_in_axes_of_the_tool_or_of_the_path_gives_way_along_these(start, axes, across):
+    link = LINK.model_copy(update={"directions": (across,), "axes": axes})
+    run, scene, first, goal = crossing(start, BESIDE, link)
+    turned = Pose(goal.T_world_target.R, first.p + np.array([0.1, -0.3, 0.05]))
+    goal = PathGoal(turned, 1)
+    run.go(5.0, scene=scene, goal=goal)
+    way = turned.p - first.p
+    level = np.array([way[1], -way[0], 0.0]) / np.hypot(way[0], way[1])
+    along = {"mrf": run.pose.R[:, 0], "path": level}[axes]
+    off = offs(run)
+    assert np.linalg.norm(off, axis=1).max() > 0.01
+    assert np.abs(off - np.outer(off @ along, along)).max() < 1e-6
+    run.observe()
+
+
+def test_a_vertical_path_has_axes_too_and_a_goal_where_the_tool_is_has_worlds(start):
+    link = LINK.model_copy(update={"axes": "path", "directions": ((0.0, 1.0, 0.0),)})
+    field = crossing(start, ON_THE_WAY, link)[0].arm.control.arms[0].p
+    directions = field_of(field).directions
+    eye = np.eye(3)
+    np.testing.assert_allclose(directions(eye, eye, np.array([0.0, 0.0, -0.5]))[0], [0, 1, 0])
+    np.testing.assert_allclose(directions(eye, eye, np.array([0.3, 0.0, 0.0]))[0], [0, 1, 0])
+    np.testing.assert_allclose(directions(eye, eye, np.zeros(3))[0], [0, 1, 0])
+
+
+def test_an_operator_turns_the_link_with_his_frame_and_what_it_left_behind_comes_back(start):
+    link = LINK.model_copy(update={"axes": "crf"})
+    run, scene, _, goal = crossing(start, BESIDE, link)
+    run.go(2.0, scene=scene, goal=goal)
+    up = abs(run.outputs[-1].task.off_path[2])
+    assert up > 0.01
+    run.set(T_world_crf=Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0)), redefined=1)
+    run.go(4.0, scene=scene, goal=goal)
+    off = offs(run)
+    assert np.abs(np.diff(off, axis=0)).max() <= 2 * link.speed * run.arm.p.period_s + 1e-9
+    assert abs(off[-1, 2]) < 2e-3 < abs(off[-1, 0])
+    run.observe()
+
+
+@pytest.mark.parametrize("always", [True, False])
+def test_a_link_that_always_acts_gives_way_without_a_goal_and_comes_back(start, stick, always):
+    link = LINK.model_copy(update={"always": always})
+    run, scene, first, _ = crossing(start, ON_THE_WAY, link)
+    moved = stick(0.0, -0.03, 0.0, 0.0, 0.0, 0.0)
+    run.go(4.0, scene=scene, stick=moved)
+    assert (run.outputs[-1].task.off_path is not None) is always
+    rose = run.pose.p[2] - first.p[2]
+    assert bool(abs(rose) > 0.01) is always
+    if always:
+        assert rose == pytest.approx(run.outputs[-1].task.off_path[2], abs=5e-3)
+        run.go(4.0, stick=moved)  # the obstacle is taken away
+        assert abs(run.pose.p[2] - first.p[2]) < 2e-3
+    run.observe()
+
+
+def test_an_arm_with_spare_joints_uses_them_and_the_link(start):
+    ball = (ObstacleSection(name="ball", shape="sphere", xyz=(0.62, 0.0, 0.42), radius=0.06),)
+    potential = PotentialFieldSection(obstacles=0.05, joint_limits=0.0, virtual_link=LINK)
+    arm, scene = arm_among("pa10", ball, potential, field=4.0)
+    run = start(arm)
+    goal = PathGoal(Pose(run.pose.R, run.pose.p + np.array([0.0, -0.2, 0.0])), 1)
+    run.go(4.0, scene=scene, goal=goal)
+    assert np.abs(offs(run)[:, 2]).max() > 5e-3
+    assert np.abs(offs(run)[:, :2]).max() < 1e-12
+    assert max(np.abs(o.desired.found.self_motion.dq).max() for o in run.outputs) > 0.01
+    run.observe()
+
+
+@pytest.mark.parametrize(
+    ("directions", "words"),
+    [
+        (((0.0, 0.0, 0.0),), "must not be zero"),
+        (((0.0, 0.0, 1.0), (1.0, 0.0, 0.1)), "must be square"),
+        ((), "at least 1"),
+        (((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "at most 2"),
+    ],
+)
+def test_links_that_are_no_directions_are_refused(directions, words):
+    with pytest.raises(ValueError, match=words):
+        VirtualLinkSection(directions=directions)
