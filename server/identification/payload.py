@@ -164,6 +164,26 @@ class Estimate:
         return Pose(self.R_wrist_sensor, np.zeros(3)).to_xyz_rpy()[3:]
 
 
+@dataclass
+class AttitudeMean:
+    """Means over one attitude."""
+
+    q: Array  # measured joints (n,) [rad]
+    wrench: Array  # the sensor's reading, exerted sign (6,) [N, N·m]
+
+
+def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
+    """Return what the samples tell. Raises `NotIdentified`."""
+    sensor = cell.config.mechanism.force_torque
+    if sensor is None:
+        raise NotIdentified("the cell has no force/torque sensor")
+    mechanism = Mechanism.from_cell(cell)
+    nominal = Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy)
+    attitudes = np.array([mechanism.pose_wrist(s.q).R for s in samples]).reshape(-1, 3, 3)
+    readings = np.array([s.wrench for s in samples]).reshape(-1, 6)
+    return estimate(attitudes, readings, nominal.R)
+
+
 def estimate(R_world_wrist: Array, readings: Array, R_nominal: Array) -> Estimate:
     """Estimate from attitudes (k, 3, 3) and mean readings (k, 6) at rest, exerted sign.
 

@@ -14,15 +14,14 @@ from ...config.errors import ConfigError, nearest
 from ...config.load import Cell
 from ...protocols import topics as t
 from ...protocols.messages import requests
-from ...server.control.mechanism.model import Mechanism
-from ...server.control.spatial import Array, Pose
 from ...server.identification.environment import Along, Environment, environment, propose
 from ...server.identification.payload import (
+    AttitudeMean,
     AttitudeStop,
     Estimate,
     NotIdentified,
     attitudes,
-    estimate,
+    judge,
 )
 from ..client.operator import Operator, OperatorError
 from ..client.protocol_client import ProtocolClient, ignore
@@ -134,14 +133,6 @@ def subject_of(cell: Cell, mechanism: str | None) -> Subject:
 SETTLE_S = 0.4  # from arrival until the sensor is believed [s]
 AVERAGE_S = 0.6  # the sensor is averaged for this long [s]
 ARRIVE_S = 30.0  # a posture that is not reached by then will not be [s]
-
-
-@dataclass
-class AttitudeMean:
-    """Means over one attitude."""
-
-    q: Array  # measured joints (n,) [rad]
-    wrench: Array  # the sensor's reading, exerted sign (6,) [N, N·m]
 
 
 @dataclass
@@ -270,18 +261,6 @@ def touch(
     made = partial(PressGuide, press=press, say=say, mechanism=of.mechanism, task=of.task)
     led = _led(cell, made, LONGEST_S, simulate=simulate).checked()
     return environment(of.part, press.along, led.steady, led.way, led.samples)
-
-
-def judge(cell: Cell, samples: list[AttitudeMean]) -> Estimate:
-    """Return what the samples tell. Raises `NotIdentified`."""
-    sensor = cell.config.mechanism.force_torque
-    if sensor is None:
-        raise NotIdentified("the cell has no force/torque sensor")
-    mechanism = Mechanism.from_cell(cell)
-    nominal = Pose.from_xyz_rpy(sensor.T_wrist_sensor.xyz, sensor.T_wrist_sensor.rpy)
-    attitudes = np.array([mechanism.pose_wrist(s.q).R for s in samples]).reshape(-1, 3, 3)
-    readings = np.array([s.wrench for s in samples]).reshape(-1, 6)
-    return estimate(attitudes, readings, nominal.R)
 
 
 # --- `telerobot identify CELL`: payload, sensor bias, mounting and cross-talk by a guided motion;

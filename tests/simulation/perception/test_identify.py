@@ -8,8 +8,8 @@ from telerobot.config.schema.section import PoseSection
 from telerobot.server.control import spatial
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import wrench_to
-from telerobot.server.identification.payload import attitudes
-from telerobot.tools.identify.cli import Guide, identify, judge
+from telerobot.server.identification.payload import attitudes, judge
+from telerobot.tools.identify.cli import Guide, identify
 from telerobot.tools.scripts.player import Phase
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation

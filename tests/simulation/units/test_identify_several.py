@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from telerobot.config.errors import ConfigError
 from telerobot.config.load import load_cell
-from telerobot.server.identification.payload import attitudes
-from telerobot.tools.identify.cli import identify, judge, snippet, subject_of
+from telerobot.server.identification.payload import attitudes, judge
+from telerobot.tools.identify.cli import identify, snippet, subject_of
 
 
 @pytest.fixture
