@@ -352,14 +352,20 @@ def arriving(
 ) -> tuple[tuple[Part, bool], ...]:
     """Return which freedoms arrive together, and whether they always do; none for all of n.
 
-    A group takes the place of its parts.
+    A group takes the place of its parts; of one inside of a part, all of that part do.
     """
     if len(parts) < 2:
         return ()
-    grouped = {int(i) for group in groups for i in group}
-    alone = [part for part in parts if not grouped.intersection(range(n)[part])]
-    found: tuple[tuple[Part, bool], ...] = tuple((group, True) for group in groups)
-    found += tuple((part, False) for part in alone)
+    places = [set(range(n)[part]) for part in parts]
+    inside = [any(set(group.tolist()) < own for own in places) for group in groups]
+    whole = {int(i) for group, part in zip(groups, inside, strict=True) if not part for i in group}
+    some = {int(i) for group, part in zip(groups, inside, strict=True) if part for i in group}
+    found: tuple[tuple[Part, bool], ...] = tuple(
+        (group, True) for group, part in zip(groups, inside, strict=True) if not part
+    )
+    for part, own in zip(parts, places, strict=True):
+        if not own & whole:
+            found += ((part, bool(own & some)),)
     return found if len(found) > 1 else ()
 
 

@@ -100,7 +100,7 @@ class VelocityPlanner:
         """Build it; `groups` holds the indices of freedoms that belong together.
 
         Those of each of the `parts` arrive together, all of them where there are none; a group is
-        made of whole parts.
+        made of whole parts, or is inside of one.
 
         Raises `ValueError` for a freedom in two groups, and for one that there is not.
         """

@@ -86,6 +86,11 @@ def test_each_arm_arrives_on_its_own_and_those_of_a_group_always_together():
     assert others == [(THREE, False)]
 
 
+def test_an_arm_with_a_group_inside_arrives_together_and_no_freedom_is_left_out():
+    assert arriving(5, (TWO, THREE), (np.array([2, 3]),)) == ((TWO, False), (THREE, True))
+    assert arriving(5, (TWO, THREE), (np.array([0]),)) == ((TWO, True), (THREE, False))
+
+
 def test_where_all_arms_are_one_group_or_there_is_one_all_arrive_together():
     assert arriving(5, (), ()) == ()
     assert arriving(5, (slice(0, 5),), ()) == ()
