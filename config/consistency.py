@@ -300,16 +300,23 @@ def _standing(parts: Parts) -> Iterator[str]:
 
 
 def _rovers(parts: Parts) -> Iterator[str]:
-    """A base that drives, and a scanner, have the cell for themselves."""
+    """One base drives beside arms that stand; a scanner looks ahead of an only mechanism."""
     if len(parts) == 1:
         return
     shared = parts[0].config
-    for part in parts:
-        if part.config.mechanism.base is not None:
+    for i, part in enumerate(parts):
+        base = part.config.mechanism.base
+        if base is not None and i > 0:
             yield (
-                f"{part.place}.base: a mechanism on wheels must be the only one of its cell, which "
-                f"has {len(parts)}: give each rover a cell of its own, and tell it of the others "
-                "as obstacles"
+                f"{part.place}.base: a mechanism on wheels must be the first of its cell, and the "
+                "only one there: give each rover a cell of its own, and tell it of the others as "
+                "obstacles"
+            )
+        if base is not None and base.wheels.followers and part.config.rig is not None:
+            yield (
+                f"{part.place}.base.wheels.followers: value {list(base.wheels.followers)}: the "
+                "virtual hardware has them for the only mechanism of a cell, which has "
+                f"{len(parts)}"
             )
     for key in ("scanner", "contour"):
         if getattr(shared, key) is not None:

@@ -25,6 +25,7 @@ from .parts import (
     on_top,
     parts_of,
     shared_devices,
+    unable_to_share,
 )
 from .schema.bus import Entry
 from .schema.cell import CellConfig
@@ -203,8 +204,9 @@ def load_cell(name_or_path: str | Path) -> Cell:
         (i, validated(path, table, JointTaskSection, partial(under, f"tasks[{i}]")))
         for i, table in joint_tables_of(path, document)
     ]
-    feels = {p.config.mechanism.name: p.config.mechanism.force_torque is not None for p in parts}
-    agree(path, joint, feels)
+    agree(
+        path, joint, {p.config.mechanism.name: unable_to_share(p.config.mechanism) for p in parts}
+    )
     rated = {p.config.mechanism.name: p.config.mechanism.rated_payload for p in parts}
     tasks = tuple(task.shared_by(rated) for _, task in joint)
     return _agreed(replace(parts[0], others=tuple(parts[1:]), joint_tasks=tasks))

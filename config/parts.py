@@ -11,6 +11,7 @@ from .errors import ConfigError, nearest, short
 from .schema.bus import Entry, OnBusSection
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
+from .schema.mechanism import MechanismSection
 from .schema.rig import RigSection
 from .schema.section import Section
 
@@ -31,12 +32,12 @@ def is_joint(table: dict[str, Any]) -> bool:
 
 
 def agree(
-    path: Path, tasks: Sequence[tuple[int, JointTaskSection]], mechanisms: Mapping[str, bool]
+    path: Path, tasks: Sequence[tuple[int, JointTaskSection]], mechanisms: Mapping[str, str]
 ) -> None:
     """Raise `ConfigError` where joint tasks, each with its place in the file, do not fit the cell.
 
-    `mechanisms` tells by name which have a force/torque sensor: none holds a payload with others
-    without. A mechanism holds one payload at a time: two tasks at start may not ask for the same.
+    `mechanisms` tells by name why each can hold no payload with others, "" where it can. A
+    mechanism holds one payload at a time: two tasks at start may not ask for the same.
     """
     holder: dict[str, str] = {}
     for i, task in tasks:
@@ -44,13 +45,22 @@ def agree(
             where = f"{path}: tasks[{i}].by[{k}]: value '{name}'"
             if name not in mechanisms:
                 raise ConfigError(f"{where}: no such mechanism{nearest(name, mechanisms)}")
-            if not mechanisms[name]:
-                raise ConfigError(f"{where}: has no force_torque sensor to hold a payload by")
+            if mechanisms[name]:
+                raise ConfigError(f"{where}: {mechanisms[name]}")
             if not task.at_start:
                 continue
             if name in holder:
                 raise ConfigError(f"{where}: holds '{holder[name]}' at start")
             holder[name] = task.name
+
+
+def unable_to_share(mechanism: MechanismSection) -> str:
+    """Return why a mechanism can hold no payload with others; "" where it can."""
+    if mechanism.base is not None:
+        return "is on wheels: only arms that stand hold a payload with others"
+    if mechanism.force_torque is None:
+        return "has no force_torque sensor to hold a payload by"
+    return ""
 
 
 def agree_with_beam(path: Path, tasks: Sequence[JointTaskSection], rig: RigSection | None) -> None:

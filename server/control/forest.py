@@ -39,6 +39,9 @@ ROOTS: Final = record(ARRAY4, ARRAY3)
 """Attitudes (s, r, 3, 3) and places (s, r, 3) [m] of roots in World; s = 1 where none moves."""
 Roots = tuple[Array, Array]
 
+Bases = Pose | Sequence[Pose] | None
+"""Where Bases that may move are: of an only mechanism, or of all; None: where the cell has them."""
+
 
 class Tree(NamedTuple):
     """n joints, parents before children."""
@@ -496,6 +499,8 @@ class Branch:
         self.n = len(self._ids)
         self.rolling = rolling
         """The wheels that the root rolls on, its first two joints; None for one that stands."""
+        self.wheels = slice(first, first + 2)
+        """Where they are among all joints."""
         self.tree = self._tree()
 
     @classmethod
@@ -600,20 +605,20 @@ class Forest:
         self.bases = [Pose.from_xyz_rpy(base.xyz, base.rpy) for base in bases]
         """Where the cell has each root in World."""
         self._standing = _roots(self.bases)
-        self.rolling = self.branches[0].rolling if len(self.branches) == 1 else None
-        """The wheels that an only root rolls on."""
-        self.gear = None if self.rolling is None else np.ones(self.n)
+        self._rolling = [(r, b) for r, b in enumerate(self.branches) if b.rolling is not None]
+        self.gear = np.ones(self.n) if self._rolling else None
         """Angle of what a joint moves per angle of the joint (n,) [1]; None: 1 for all."""
         roots = len(self.branches)
         self._moves = np.zeros((roots + self.n, self.n), dtype=bool)
-        if self.gear is not None and self.rolling is not None:
-            self.gear[:2] = self.rolling.turn
-            self._moves[roots - 1, :2] = True
+        for r, branch in self._rolling:
+            if self.gear is not None and branch.rolling is not None:
+                self.gear[branch.wheels] = branch.rolling.turn
+                self._moves[roots - 1 - r, branch.wheels] = True
         for j, parent in enumerate(self.tree.parent.tolist()):
             self._moves[roots + j] = self._moves[roots + parent]
             self._moves[roots + j, j] = True
 
-    def frames(self, q: Array, T_world_base: Pose | None = None) -> Array:
+    def frames(self, q: Array, T_world_base: Bases = None) -> Array:
         """Return the joints' frames (s, n, 3, 4) in World at postures q (s, n) [rad or m]."""
         return frames_at(self.tree[:], q, self._roots(T_world_base, q))
 
@@ -622,7 +627,7 @@ class Forest:
         return axes_at(frames, self.tree.axis)
 
     def placed(
-        self, q: Array, body: Index, segments: Array, T_world_base: Pose | None = None
+        self, q: Array, body: Index, segments: Array, T_world_base: Bases = None
     ) -> tuple[Array, Array, Array]:
         """Return segments (c, 2, 3) on bodies (c,) at postures q (s, n), in World (s, c, 2, 3) [m].
 
@@ -652,17 +657,24 @@ class Forest:
                 return branch.body_of(own)
         raise KeyError(link)
 
-    def _roots(self, T_world_base: Pose | None, q: Array) -> Roots:
-        """Return where the roots are; `T_world_base` is that of an only Base, which moves.
+    def _roots(self, T_world_base: Bases, q: Array) -> Roots:
+        """Return where the roots are.
 
         One that rolls gets there as its wheels turn from one posture of q (s, n) to the next.
         """
         if T_world_base is None:
             return self._standing
-        if self.rolling is None or not isinstance(T_world_base, Rolled):
-            return _roots([T_world_base])
-        R, p = self.rolling.places(T_world_base, q[:, :2])
-        return R[:, None], p[:, None]
+        each = [T_world_base] if isinstance(T_world_base, Pose) else T_world_base
+        if not any(isinstance(T, Rolled) for T in each):
+            return _roots(each)
+        R, p = np.empty((len(q), len(each), 3, 3)), np.empty((len(q), len(each), 3))
+        for r, T in enumerate(each):
+            R[:, r], p[:, r] = T
+        for r, branch in self._rolling:
+            at = each[r]
+            if branch.rolling is not None and isinstance(at, Rolled):
+                R[:, r], p[:, r] = branch.rolling.places(at, q[:, branch.wheels])
+        return R, p
 
 
 def _roots(poses: Sequence[Pose]) -> Roots:

@@ -26,6 +26,7 @@ from .bodies.rates import ArmMeasurement, DesiredRates
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined
+from .scene import Body
 from .spatial import Array
 from .state import ArmMemory, Memory, Output
 from .stop.limiter import Commanded, Gate, Limited, Limiter, StopConstraint
@@ -114,8 +115,7 @@ class Control:
             commanded.motion,
             memory.levels,
             first,
-            # Only the Base of an only arm moves.
-            first.moved.base if first.moved is not None and len(self.arms) == 1 else None,
+            self._bases(inputs),
             asked[0][0].placed,
         )
         allowed, clear = self.allow.nearest(barred, around, [each.link for each in on])
@@ -138,6 +138,15 @@ class Control:
             if given.energised is not None:
                 at[i] = np.where(given.energised, commanded.motion.q[part], at[i])
         return Commanded.at_rest(joined(at))
+
+    def _bases(self, inputs: Sequence[Inputs]) -> tuple[Body, ...]:
+        """Return where the Bases are, and how they move of themselves; none where all stand."""
+        if all(given.moved is None for given in inputs):
+            return ()
+        return tuple(
+            Body.standing(arm.mechanism.T_world_base) if given.moved is None else given.moved.base
+            for arm, given in zip(self.arms, inputs, strict=True)
+        )
 
     def _each(self, commanded: Commanded) -> list[Commanded]:
         """Return what the joints of each arm were told."""

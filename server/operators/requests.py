@@ -439,8 +439,8 @@ class Dispatcher:
             elif isinstance(news, ContourNews):
                 self._units.ahead().look_ahead(news, tick)
             elif isinstance(news, FrameNews):
-                for unit in self._units.each:
-                    unit.perception.moving_frames.take(news, tick)
+                for frames in self._units.tracking(news.name):
+                    frames.take(news, tick)
         except Refused as refused:
             if queued.topic.message is ObstacleNews and isinstance(refused.reason, Reason):
                 name = text_field(queued.topic, queued.payload, "name")

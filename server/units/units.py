@@ -35,6 +35,7 @@ from ..events import Events
 from ..mode import Mode
 from ..perception.cameras import Law, VisionTracker
 from ..perception.contact import JamMonitor
+from ..perception.moving_frames import FrameTracker
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..perception.wrench import NAME as SENSOR
@@ -496,6 +497,11 @@ class Units:
                 return unit
         known = ", ".join(c.name for unit in self.each for c in unit.cell.config.cameras) or "none"
         raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
+
+    def tracking(self, frame: str) -> list[FrameTracker]:
+        """Return what tracks Base or Carrier: of the arms for which it may move, else the first."""
+        each = [unit.perception.moving_frames for unit in self.each]
+        return [tracker for tracker in each if frame in tracker.names] or each[:1]
 
     def ahead(self) -> Perception:
         """Return what looks at the contour ahead. Raises `Refused` in a cell without one."""

@@ -24,17 +24,32 @@ def two(first, second):
 @pytest.mark.parametrize(
     ("pair", "places"),
     [
-        (("rover", "rover"), ["mechanisms[0].base", "mechanisms[1].base"]),
+        (("rover", "rover"), ["mechanisms[1].base"]),
         (("pa10", "rover"), ["mechanisms[1].base"]),
     ],
 )
-def test_several_mechanisms_of_which_one_drives_are_refused(cell, pair, places):
+def test_only_the_first_of_several_mechanisms_may_drive(cell, pair, places):
     with pytest.raises(ConfigError) as refused:
         cell(two(*pair))
     assert len(refused.value.messages) == len(places)
     for message, place in zip(refused.value.messages, places, strict=True):
-        words = "a mechanism on wheels must be the only one of its cell, which has 2"
+        words = "a mechanism on wheels must be the first of its cell, and the only one there"
         assert f"cell.toml: {place}: {words}" in message
+
+
+def test_wheels_that_follow_others_are_simulated_for_an_only_mechanism(cell):
+    words = r"mechanisms\[0\].base.wheels.followers: value .*: the virtual hardware has them for"
+    with pytest.raises(ConfigError, match=words):
+        cell(two("rover_skid", "pa10"))
+
+
+def test_a_rover_beside_an_arm_is_a_cell(cell):
+    assert [
+        part.config.mechanism.base is not None for part in cell(two("rover", "pa10")).parts
+    ] == [
+        True,
+        False,
+    ]
 
 
 def test_a_scanner_of_several_mechanisms_is_refused(cell):

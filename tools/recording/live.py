@@ -90,6 +90,7 @@ class Viewer:
         self._cell = cell
         forest = Forest(cell)
         self._branches = list(zip(forest.branches, forest.bases, strict=True))
+        self._tasks = [part.task for part in cell.parts]
 
     def of_state(self, state: State, stamp_ns: int) -> Iterator[tuple[str, Any]]:
         """Yield topic and message of a state: joints and frames."""
@@ -153,11 +154,11 @@ class Viewer:
         from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
         from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
-        found, first, base = [], 0, state.frames.get("base")
-        for branch, standing in self._branches:
+        found, first = [], 0
+        for task, (branch, standing) in zip(self._tasks, self._branches, strict=True):
             q = np.array(state.q[first : first + branch.n])
             first += branch.n
-            # Only the Base of an only arm moves.
+            base = state.of(task).frames.get("base")
             T_world_base = standing if base is None else _pose(base)
             for name, T in branch.links(q).items():
                 found.append((f"{branch.prefix}{name}", T_world_base @ T))

@@ -12,7 +12,7 @@ from ...config.load import Cell
 from ...config.schema.mechanism import BackboneSection
 from ...config.schema.section import PoseSection
 from ...protocols import topics as t
-from ...protocols.messages.messages import Frame
+from ...protocols.messages.messages import Frame, Vector6
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...server.control.backbone.curve import centre_line
@@ -123,6 +123,11 @@ class _Mount(NamedTuple):
     T: Pose
 
 
+def stands(part: Cell) -> bool:
+    """Return whether the Base of a cell's mechanism stands where the cell has it."""
+    return part.config.mechanism.base is None and part.config.frames.base is None
+
+
 class ToolJudge:
     """Compares the physics' pose of one arm's MRF with its target, tick by tick."""
 
@@ -135,6 +140,7 @@ class ToolJudge:
         self._T_wrist_mrf = placed(mechanism.T_wrist_mrf)
         self._T_mrf_wrist = self._T_wrist_mrf.inverse()
         self._T_world_base = placed(mechanism.T_world_base)
+        self._stands = stands(cell)
         on_world = frames.crf_on == "world"
         self._crf = _Mount(
             frames.crf_on, placed(cell.config.T_world_crf if on_world else frames.T_ground_crf)
@@ -239,10 +245,14 @@ class ToolJudge:
         """Return the ground that what is measured against a frame moves with."""
         grounds = (Frame.WORLD, Frame.BASE, Frame.CARRIER)
         on = str(frame) if frame in grounds else self._crf.on
-        return on if on in truth.frames else "world"
+        return on if self._moved(truth, on) is not None else "world"
+
+    def _moved(self, truth: RigTruth, name: str) -> Vector6 | None:
+        """Return where a ground that may move truly is; None for one that stands."""
+        return None if name == "base" and self._stands else truth.frames.get(name)
 
     def _ground(self, truth: RigTruth, name: str) -> Pose:
-        moved = truth.frames.get(name)
+        moved = self._moved(truth, name)
         if moved is not None:
             return _pose(moved)
         return self._T_world_base if name == "base" else Pose.identity()
@@ -403,13 +413,13 @@ class ViewJudge:
             return None
         T_world_mrf = _pose(truth.arms[mechanism.name].pose_mrf)
         T_world_wrist = T_world_mrf @ placed(mechanism.T_wrist_mrf).inverse()
-        base = truth.frames.get("base")
-        stands = {
+        base = None if stands(eye[0]) else truth.frames.get("base")
+        places = {
             "wrist": T_world_wrist,
             "base": placed(mechanism.T_world_base) if base is None else _pose(base),
             "world": Pose.identity(),
         }
-        T_world_lens = stands[section.on] @ placed(section.place)
+        T_world_lens = places[section.on] @ placed(section.place)
         if tag.T_wrist_tag is not None:
             return T_world_lens.inverse() @ (T_world_wrist @ placed(tag.T_wrist_tag))
         return T_world_lens.inverse() @ _pose(truth.tags[tag.name])

@@ -26,7 +26,7 @@ from ..joints import joined, parts_of
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
-from ..spatial import Array, Motion
+from ..spatial import Array, Motion, Pose
 from .rows import Braking, Resistance, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
@@ -182,8 +182,8 @@ _STILL = np.zeros((0, 0))
 Postures = Callable[[Array], Array]
 """Joint angles (s, n) at times (s,) along a stop."""
 
-Base = Body | None
-"""A Base that moves, and how; None for one that stands where the cell says."""
+Bases = tuple[Body, ...]
+"""Bases of all mechanisms where any may move, and how; none: they stand where the cell has them."""
 
 Levels = dict[tuple[int, int, str], float]
 """Best gap so far of each pair that is inside its bound, by capsule, other capsule or −1, name."""
@@ -204,9 +204,9 @@ class NearGaps(NamedTuple):
     """Clearances at one posture: near pairs, and the bounds of their gaps."""
 
     scene: Scene | None
-    base: Base
+    bases: Bases
     still: bool
-    """Nothing moves but the arm: neither Base nor anything in the scene may."""
+    """Nothing moves but the arms: neither a Base nor anything in the scene may."""
     lever: Array
     """Distances of capsules from the joints' axes (c, n) [m]."""
     around: Array
@@ -252,6 +252,9 @@ class Clearance:
     def __init__(self, cell: Cell, acceleration: Array, jerk: Array, capsules: Capsules) -> None:
         self.capsules = capsules
         self.search = PairSearch(cell, capsules)
+        body = capsules.body.tolist()
+        self._root: Index = np.array([capsules.forest.root(b) for b in body], dtype=np.int64)
+        """The Base that carries each capsule (c,)."""
         self._period_s = cell.config.timing.period_s
         self._margin = cell.config.avoidance.margin
         self._between = BETWEEN * self._margin
@@ -259,17 +262,17 @@ class Clearance:
 
     def look(
         self, q: Array, fastest: Array, error: Array, scene: Scene | None, factor: float,
-        levels: Levels, base: Base = None, placed: Placed | None = None,
+        levels: Levels, bases: Bases = (), placed: Placed | None = None,
     ) -> NearGaps:  # fmt: skip
         """Return near pairs and bounds at q (n,) [rad], for joint speeds `fastest` (n,) [rad/s].
 
         `error` (n,) [rad] is what the joints are behind the command; `factor` the reduced-speed
-        setting; `levels` those of the sight before; `base` where a Base that moves is; `placed`
-        where links are at q, where that is known.
+        setting; `levels` those of the sight before; `bases` where Bases are, where any may move;
+        `placed` where links are at q, where that is known.
         """
-        capsules, still = self.capsules, base is None and (scene is None or not scene.moves)
+        capsules, still = self.capsules, not bases and (scene is None or not scene.moves)
         if placed is None:
-            placed = capsules.place(q[None], None if base is None else base.T)
+            placed = capsules.place(q[None], _poses(bases))
         gear, acceleration = capsules.forest.gear, self.braking.acceleration
         if gear is not None:
             fastest, acceleration = gear * fastest, gear * acceleration
@@ -278,22 +281,22 @@ class Clearance:
             acceleration, factor, self.braking.lag(factor), BESIDE + self._margin,
         )  # fmt: skip
         near = self.search.find(placed, scene, around, HORIZON_S)
-        if base is not None:
-            near = _on_moving_base(near, base)
+        if bases:
+            near = self._on_moving_bases(near, bases)
         tube, room, needed, floor, which = kept(
             near.rows, error, near.gap, near.promise,
             _STILL if still
-            else self._nearer(near, scene, base, [LATENCY * self._period_s, HORIZON_S]),
+            else self._nearer(near, scene, bases, [LATENCY * self._period_s, HORIZON_S]),
             self._margin, self._between,
         )  # fmt: skip
         levels = self._floors(near, floor, which, scene, levels)
-        if not still and base is None and scene is not None:
+        if not still and not bases and scene is not None:
             stands = standing(near, scene)
-            soon = self._nearer(near, scene, base, [LATENCY * self._period_s])[0]
+            soon = self._nearer(near, scene, bases, [LATENCY * self._period_s])[0]
             near = near._replace(speed=np.where(stands, 0.0, near.speed))
             room = np.where(stands, room + soon, room)
             floor = np.where(stands, np.minimum(floor, needed), floor)
-        return NearGaps(scene, base, still, lever, around, near, room, tube, needed, floor, levels)
+        return NearGaps(scene, bases, still, lever, around, near, room, tube, needed, floor, levels)
 
     def violation(
         self, sight: NearGaps, duration_s: float, way: Array, postures: Postures
@@ -311,7 +314,7 @@ class Clearance:
         near, most = sight.near, sight.needed
         if not sight.still:
             end_s = duration_s + (1.0 + LATENCY) * self._period_s
-            most = most + self._nearer(near, sight.scene, sight.base, [end_s])[0]
+            most = most + self._nearer(near, sight.scene, sight.bases, [end_s])[0]
         leaves, pairs, closer = doubtful(sight.lever, way, sight.around, near[:2], near.gap, most)
         if leaves:
             sight = self._farther(sight, travel(sight.lever, way))
@@ -324,14 +327,14 @@ class Clearance:
         """Return a sight that reaches as far as a stop may lead: the first one did not."""
         around = way + BESIDE + self._margin
         near = self.search.find(sight.near.placed, sight.scene, around, HORIZON_S)
-        if sight.base is not None:
-            near = _on_moving_base(near, sight.base)
+        if sight.bases:
+            near = self._on_moving_bases(near, sight.bases)
         tube, nearer = np.full(near.size, float(sight.tube.max(initial=0.0))), _STILL
         if not sight.still:
-            nearer = self._nearer(near, sight.scene, sight.base, [HORIZON_S])
+            nearer = self._nearer(near, sight.scene, sight.bases, [HORIZON_S])
         needed, floor, which = held(tube, near.gap, near.promise, nearer, self._between)
         self._floors(near, floor, which, sight.scene, sight.levels)
-        if not sight.still and sight.base is None and sight.scene is not None:
+        if not sight.still and not sight.bases and sight.scene is not None:
             stands = standing(near, sight.scene)
             floor = np.where(stands, np.minimum(floor, needed), floor)
         return sight._replace(around=way, near=near, tube=tube, needed=needed, floor=floor)
@@ -343,32 +346,42 @@ class Clearance:
 
         Each may come `closer` (p,) [m] at most.
         """
-        near, scene, base = sight.near, sight.scene, sight.base
+        near, scene, bases = sight.near, sight.scene, sight.bases
         farthest = max(closer.tolist())
         count = max(math.ceil(duration_s / SAMPLE_S), math.ceil(farthest / SAMPLE_M), 1)
         count = min(count, SAMPLES)
         times, nearer = (duration_s / count) * _LOOKS[: count + 1], _STILL
         if not sight.still:
-            nearer = self._nearer(near, scene, base, times + (1.0 + LATENCY) * self._period_s)
+            nearer = self._nearer(near, scene, bases, times + (1.0 + LATENCY) * self._period_s)
         bounds = wanted(
             count, pairs, closer, sight.needed, near.promise, near.radii, sight.floor, nearer
         )
-        ends = self.capsules.place(postures(times), None if base is None else base.T).ends
+        ends = self.capsules.place(postures(times), _poses(bases)).ends
         return self.search.violation(ends, near, pairs, bounds, scene)
 
     def _nearer(
-        self, near: NearPairs, scene: Scene | None, base: Base, ahead_s: Sequence[float] | Array
+        self, near: NearPairs, scene: Scene | None, bases: Bases, ahead_s: Sequence[float] | Array
     ) -> Array:
         """Return how much nearer pairs may be than now (s, k) [m], some times (s,) [s] from now.
 
-        By what moves in the scene, and with Base.
+        By what moves in the scene, and with a Base.
         """
         ahead = np.asarray(ahead_s)
         if scene is not None and scene.moves:
             found = scene.growth(near.obstacle, ahead)
         else:
             found = np.zeros((len(ahead), near.size))
-        return found if base is None else found + near.carried * ahead[:, None]
+        return found + near.carried * ahead[:, None] if bases else found
+
+    def _on_moving_bases(self, near: NearPairs, bases: Bases) -> NearPairs:
+        """Return pairs with the speed at which Bases that move bring links to what is near."""
+        root, link = self._root, near.obstacle < 0
+        second = np.where(link, root[np.where(link, near.second, 0)], -1)
+        places, twists = zip(*[(base.T.p, base.twist) for base in bases], strict=True)
+        speed, fastest = carried(
+            near.near[:], root[near.first], second, near.speed, np.array(places), np.array(twists)
+        )
+        return near._replace(speed=speed, carried=fastest)
 
     def _floors(
         self, near: NearPairs, floor: Array, held: Index, scene: Scene | None, levels: Levels
@@ -383,7 +396,7 @@ class Clearance:
         for i in held.tolist():
             key, gap, speed = self._key(near, i, scene), float(near.gap[i]), float(near.speed[i])
             level, movable, comes = levels.get(key), speed > 0.0, False
-            if movable and scene is not None:
+            if movable and scene is not None and near.obstacle[i] >= 0:
                 comes = speed > float(scene.speed[near.obstacle[i]]) + COMES
             if level is None or comes or gap < level - (SLACK if movable else 2.0 * SLACK):
                 level = gap + SLACK - CREEP if movable else gap
@@ -398,12 +411,9 @@ class Clearance:
         return (first, -1, scene.names[obstacle])
 
 
-def _on_moving_base(near: NearPairs, base: Body) -> NearPairs:
-    """Return pairs with the speed at which a Base that moves brings links to obstacles."""
-    speed, fastest = carried(
-        near.near.normal, near.near.place - base.T.p, near.obstacle, near.speed, base.twist
-    )
-    return near._replace(speed=speed, carried=fastest)
+def _poses(bases: Bases) -> list[Pose] | None:
+    """Return where Bases are; None where all stand."""
+    return [base.T for base in bases] if bases else None
 
 
 @compiled(VECTOR, FLAGS, COUNT, FLAG)
@@ -458,8 +468,8 @@ class Surroundings(NamedTuple):
     levels: Levels
     """Best gap so far of pairs that are below their bounds."""
     inputs: Inputs
-    base: Body | None = None
-    """A Base that moves."""
+    bases: Bases = ()
+    """Bases of all mechanisms where any may move."""
     placed: Placed | None = None
     """Where links are, where that is known already."""
 
@@ -514,7 +524,7 @@ class CollisionConstraint:
             rates.append(rate)
         sight = clearance.look(
             q, fastest, joined([arm.seen.error for arm in arms]), around.inputs.scene, factor,
-            around.levels, around.base, around.placed,
+            around.levels, around.bases, around.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         widen = any(
@@ -583,7 +593,7 @@ class CollisionConstraint:
         self, watch: ProximityQuery, duration_s: float, low: Array, high: Array, postures: Postures
     ) -> float:
         """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
-        q, base = watch.around.motion.q, watch.around.base
+        q, bases = watch.around.motion.q, watch.around.bases
         way = np.maximum(high - q, q - low)
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(watch.arms, self.walls, strict=True):
@@ -591,9 +601,8 @@ class CollisionConstraint:
             if not walls.given or walls.far(p, arm.seen.inputs.settings.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-            T_base = None if base is None else base.T
-            out = walls.violation(p, arm.seen.inputs.settings.T_wrist_mrf, postures(times), T_base)
-            short = max(short, out)
+            mrf = arm.seen.inputs.settings.T_wrist_mrf
+            short = max(short, walls.violation(p, mrf, postures(times), _poses(bases)))
         return short
 
 

@@ -20,6 +20,7 @@ from ..compiled import (
     compiled,
     inner_kernel,
 )
+from ..forest import Bases
 from ..joints import Joints
 from ..proximity.capsules import Capsules
 from ..scene import Flags, Index
@@ -240,9 +241,7 @@ class Walls:
         """Return whether joints that move by `way` (n,) cannot lead the MRF beyond a wall."""
         return _stays(p, self._normals, self._heights, self._tip_at(T_wrist_mrf).reach, way)
 
-    def violation(
-        self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Pose | None = None
-    ) -> float:
+    def violation(self, p: Array, T_wrist_mrf: Pose, q: Array, T_world_base: Bases = None) -> float:
         """Return by how much the MRF is beyond a wall along postures q (s, n) [m]; 0 for not.
 
         From where it is at p (3,), beyond one, it may only come nearer.

@@ -19,11 +19,13 @@ from ..compiled import (
     TABLE,
     VECTOR,
     compiled,
+    inner_kernel,
 )
-from ..forest import Branch, Forest
+from ..forest import Bases, Branch, Forest
+from ..linalg import Vector
 from ..scene import Flags, Index
 from ..spatial import Array, Pose
-from .distance import PAIRS, PLACED, Pairs, PlacedArrays
+from .distance import NEAREST, PAIRS, PLACED, Near, Pairs, PlacedArrays
 
 # --- Bounds on the travel of links: by motions of the joints, and carried by a Base that moves ----
 
@@ -117,24 +119,37 @@ def _surround(
         around[c] = gone[c] + margin
 
 
-@compiled(MATRIX, MATRIX, INDEX, VECTOR, VECTOR)
-def carried(
-    normal: Array, lever: Array, obstacle: Index, speed: Array, twist: Array
-) -> tuple[Array, Array]:
-    """Return `speed` and `carried` (k,), as in `NearPairs`, where Base moves with a twist (6,).
+@inner_kernel
+def _velocity(twist: Array, p: Array, x: float, y: float, z: float) -> Vector:
+    """Return the velocity at a place of a body at p (3,) that moves with a twist (6,)."""
+    wx, wy, wz = twist[3], twist[4], twist[5]
+    x, y, z = x - p[0], y - p[1], z - p[2]
+    return twist[0] + wy * z - wz * y, twist[1] + wz * x - wx * z, twist[2] + wx * y - wy * x
 
-    `lever` (k, 3) leads from Base to the places [m].
+
+@compiled(NEAREST, INDEX, INDEX, VECTOR, MATRIX, MATRIX)
+def carried(
+    near: Near, first: Index, second: Index, speed: Array, places: Array, twists: Array
+) -> tuple[Array, Array]:
+    """Return `speed` and `carried` (k,), as in `NearPairs`, where Bases move with twists (r, 6).
+
+    The Bases are at `places` (r, 3) [m]; `first` and `second` (k,) tell which of them carries
+    either side of a pair, −1 for what none does. Two sides on one Base are at rest to it.
     """
+    distance, normal, place = near
     nearer, fastest = speed.copy(), np.zeros(len(speed))
-    wx, wy, wz = twist[3:]
     for i in range(len(speed)):
-        if obstacle[i] < 0:
+        a, b = first[i], second[i]
+        if a == b:
             continue
-        x, y, z = lever[i]
-        vx = twist[0] + wy * z - wz * y
-        vy = twist[1] + wz * x - wx * z
-        vz = twist[2] + wx * y - wy * x
-        closing = -(normal[i, 0] * vx + normal[i, 1] * vy + normal[i, 2] * vz)
+        x, y, z = place[i]
+        nx, ny, nz = normal[i]
+        vx, vy, vz = _velocity(twists[a], places[a], x, y, z)
+        if b >= 0:
+            x, y, z = x - distance[i] * nx, y - distance[i] * ny, z - distance[i] * nz
+            ux, uy, uz = _velocity(twists[b], places[b], x, y, z)
+            vx, vy, vz = vx - ux, vy - uy, vz - uz
+        closing = -(nx * vx + ny * vy + nz * vz)
         nearer[i] = max(speed[i] + closing, 0.0)
         fastest[i] = math.sqrt(vx * vx + vy * vy + vz * vz)
     return nearer, fastest
@@ -224,10 +239,11 @@ class Capsules:
         ]
         self._steps = np.array(steps) + forest.stroke
         """From each joint's origin to that of its parent, at most (n,) [m]."""
-        self._from_root = _length(origins - forest.bases[0].p)
-        """From each joint's origin to the first root, at zero (n,) [m]."""
+        places = [forest.bases[forest.root(j + 1)].p for j in range(forest.n)]
+        self._from_root = _length(origins - np.array(places))
+        """From each joint's origin to its root, at zero (n,) [m]."""
 
-    def place(self, q: Array, T_world_base: Pose | None = None) -> Placed:
+    def place(self, q: Array, T_world_base: Bases = None) -> Placed:
         """Return where the capsules are at postures q (s, n) [rad]."""
         return Placed(*self.forest.placed(q, self.body, self._segments, T_world_base))
 
@@ -250,10 +266,11 @@ class Capsules:
             while (parent := int(forest.tree.parent[joint])) >= 0:
                 lever[parent] = way = way + self._steps[joint]
                 joint = parent
-            if forest.rolling is not None and forest.gear is not None:
-                turns = math.hypot(forest.rolling.centre, 0.5 * forest.rolling.track)
+            branch = forest.branches[forest.root(body)]
+            if branch.rolling is not None:
+                turns = math.hypot(branch.rolling.centre, 0.5 * branch.rolling.track)
                 far = way + float(self._from_root[joint]) + turns
-                lever[:2] = far * forest.gear[:2]
+                lever[branch.wheels] = far * branch.rolling.turn
         prismatic = forest.tree.prismatic
         lever[prismatic] = np.minimum(lever[prismatic], 1.0)
         return lever

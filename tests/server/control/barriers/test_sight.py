@@ -69,7 +69,7 @@ def test_a_base_that_moves_closes_gaps_to_obstacles_as_fast_as_it_is_told(pa10, 
     twist = np.array([0.2, 0.1, -0.1, 0.1, 0.3, 0.2])
     base, h = Body(Pose(np.eye(3), np.array([0.01, 0.02, 0.0])), twist), 1e-6
     later = Body(Pose(rotation_exp(h * twist[3:]), base.T.p + h * twist[:3]), twist)
-    seen, next_ = (clearance.look(q, far, none, scene, 1.0, {}, b).near for b in (base, later))
+    seen, next_ = (clearance.look(q, far, none, scene, 1.0, {}, (b,)).near for b in (base, later))
     assert next_.second.tolist() == seen.second.tolist()
     others = seen.obstacle >= 0
     assert others.sum() > 5
@@ -107,13 +107,13 @@ def test_what_gaps_must_keep_follows_from_what_tracking_takes_off_them(pa10, cle
     for _ in range(20):
         q, error = pa10.random_posture(rng), rng.uniform(-0.05, 0.05, 7)
         speed, twist = rng.uniform(0.0, 1.0, 7), rng.uniform(-0.2, 0.2, 6)
-        for around, base in ((scene, None), (moving, None), (moving, Body(Pose.identity(), twist))):
-            sight = clearance.look(q, speed, error, around, 0.5, {}, base)
+        for around, bases in ((scene, ()), (moving, ()), (moving, (Body(Pose.identity(), twist),))):
+            sight = clearance.look(q, speed, error, around, 0.5, {}, bases)
             near = sight.near
             tube = np.abs(near.rows) @ np.abs(error)
             needed = near.promise + tube + BETWEEN * margin
             comes = np.where(near.obstacle >= 0, around.speed[near.obstacle], 0.0) * wait_s
-            stands = (comes > 0.0) & (near.speed == 0.0) if base is None else comes < 0.0
+            stands = (comes > 0.0) & (near.speed == 0.0) if not bases else comes < 0.0
             room = near.gap - near.promise - margin - tube - near.carried * wait_s
             room -= np.where(stands, 0.0, comes)
             assert sight.tube == pytest.approx(tube, abs=1e-12)
