@@ -11,7 +11,7 @@ from ...config.schema.mechanism import DifferentialBaseSection
 from ...config.schema.surroundings import ContourReflexSection
 from ...protocols.messages.perception import NOTHING, ContourNews
 from ..control.scene import Body
-from ..control.spatial import Array, Motion, Pose, rotation_exp, sizes
+from ..control.spatial import GRAVITY, Array, Motion, Pose, rotation_exp, sizes
 from ..control.wheels import DifferentialDrive, Odometry
 from ..events import Events
 from ..refusals import Refused, Why
@@ -327,8 +327,6 @@ AGREES: Final = 0.5
 counts as slip [1]."""
 
 
-GRAVITY: Final = 9.80665
-"""[m/s²]"""
 WHEEL_SPEED: Final = 0.01
 """How exactly wheels that grip tell how fast Base goes, as standard deviation [m/s]."""
 LEAST_NOISE: Final = 0.02
@@ -462,7 +460,7 @@ class GroundSpeed:
         T = self._period_s
         gained = (ahead - float(self._bias[0])) * T
         self._speed += gained
-        self._bias[0] -= GRAVITY * (pitch - float(self._bias[1])) * T
+        self._bias[0] += float(GRAVITY[2]) * (pitch - float(self._bias[1])) * T
         P, C, B = self._spread, self._crossed, self._bias_spread
         self._spread = P - 2.0 * T * C + T * T * (B + max(self._noise, LEAST_NOISE**2))
         self._crossed = C - T * B
