@@ -57,7 +57,8 @@ class Hit(NamedTuple):
     reach: Reach
     """What the arm could do about it since it was told."""
     held: bool = False
-    """The arm was in HOLD, where this cell's stands (`standing_in_hold`)."""
+    """Another one had touched the arm, which was in HOLD by that: there this cell's stands
+    (`standing_in_hold`)."""
 
     @property
     def why_not(self) -> str:
@@ -65,7 +66,7 @@ class Hit(NamedTuple):
         if not self.told_s:
             return "nobody tells of it"
         if self.held:
-            return "the arm held, at rest: in HOLD it steps aside for nobody"
+            return "another had touched the arm: in HOLD by that it steps aside for nobody"
         if self.reach.away_m < self.reach.deep_m:
             return (
                 f"in the {self.told_s:.2f} s that it was told of the joints get out of its way by "
@@ -192,7 +193,7 @@ class _Judge:
                     continue
                 speed, told_s = self._movers[f"obstacle_{name}"], self._chase.told_for(name, at_s)
                 reach = self._chase.reach(name, told_s)
-                held = simulation.states[-1].mode == "hold"
+                held = bool(self.hits) and simulation.states[-1].mode == "hold"
                 self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, reach, held)
 
     @property

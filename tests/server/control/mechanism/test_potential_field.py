@@ -338,11 +338,13 @@ def test_an_operator_turns_the_link_with_his_frame_and_what_it_left_behind_comes
     run.go(2.0, scene=scene, goal=goal)
     up = abs(run.outputs[-1].task.off_path[2])
     assert up > 0.01
-    run.set(T_world_crf=Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0)), redefined=1)
+    crf = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.9, 0.0))
+    run.set(T_world_crf=crf, redefined=1)
     run.go(4.0, scene=scene, goal=goal)
     off = offs(run)
     assert np.abs(np.diff(off, axis=0)).max() <= 2 * link.speed * run.arm.p.period_s + 1e-9
-    assert abs(off[-1, 2]) < 2e-3 < abs(off[-1, 0])
+    along, across = off[-1] @ crf.R[:, 2], off[-1] @ crf.R[:, 0]
+    assert abs(across) < 1e-4 < 2e-3 < abs(along)
     run.observe()
 
 
