@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         if script is None:
             return 0 if healthy else 1
         summary = show.summary(json.loads(statistics.read_text()) if healthy else {})
-        print(json.dumps(summary) if args.json else _table(summary))
+        print(json.dumps(summary) if args.json else table(summary))
         return 0 if healthy and summary["healthy"] else 1
 
 
@@ -131,7 +131,8 @@ class _Show:
         }
 
 
-def _table(summary: dict[str, object]) -> str:
+def table(summary: dict[str, object]) -> str:
+    """Return the summary of a headless demo, a line each, whoever worded what is in it."""
     late = "/".join(f"{summary.get(key, 0):.0f}" for key in JITTER)
     error = summary.get("worst_following_error_rad", 0.0)
     rows = {

@@ -8,6 +8,7 @@ from telerobot.protocols.messages import requests
 from telerobot.protocols.messages.telemetry import State
 from telerobot.server.identification.payload import AttitudeStop
 from telerobot.tools.cli import main
+from telerobot.tools.client.operator import Operator, OperatorError
 from telerobot.tools.client.protocol_client import ProtocolClient
 from telerobot.tools.identify.cli import Guide
 
@@ -85,3 +86,16 @@ def test_the_command_tells_what_it_found_and_the_lines_for_the_cell(capsys):
 def test_a_posture_that_the_cell_lacks_is_bad_usage(capsys):
     assert main(["identify", "pa10", "--simulate", "--posture", "nowhere"]) == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+def test_who_keeps_it_from_the_arm_does_nothing_to_the_terminal(monkeypatch, capsys):
+    def held(operator):
+        raise OperatorError("lease_held", "by \x1b]0;mine\x07\x9b2J\u202eann")
+
+    monkeypatch.setattr(Operator, "__init__", lambda *_, **__: None)
+    monkeypatch.setattr(Operator, "__exit__", lambda *_: None)
+    monkeypatch.setattr(Operator, "acquire", held)
+    assert main(["identify", "ur5e"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith(r"telerobot: not identified: lease_held: by \u001b]0;mine")
+    assert told.removesuffix("\n").isprintable()
