@@ -527,4 +527,11 @@ class ContourReflexSection(Section):
         description="a search of a whole posture, or F1 (tool), F2 (elbow), F3 (both) in order",
     )
     wait: bool = Field(True, description="the base slows down and waits until the arm is through")
+    steer: float = Field(
+        0.0,
+        ge=0,
+        le=2,
+        description="a base that is driven straight ahead steers aside of what it would meet, on "
+        "arcs of at most this curvature, and then back to its heading; 0: it stops [1/m]",
+    )
     speed: float = Field(0.3, gt=0, le=2, description="the tool folds at most so quickly [m/s]")

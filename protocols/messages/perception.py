@@ -38,7 +38,8 @@ class ContourNews(Message):
     `posture` is the arm's joints [rad] that it should take to pass, without wheels and scanner,
     none where it may stay as it is; `most_speed` [m/s] bounds how fast the base may drive ahead,
     none: as it likes; `most_speed_back` the same back over ground that was seen. `phase` is that of
-    the passage, `reason` why there is no way.
+    the passage, `reason` why there is no way. A base that is driven straight ahead should take an
+    arc of a `curvature` [1/m], to the left if positive.
 
     `slipping`: the wheels roll, and the base does not come as far, by what the scans see. `slide`
     is the motion of Base, in its own frame, that its odometry missed since it was last told: x and
@@ -55,6 +56,7 @@ class ContourNews(Message):
     posture: tuple[Angle, ...] | None = Field(None, max_length=64)
     most_speed: float | None = Field(None, ge=0, le=100)
     most_speed_back: float = Field(0.0, ge=0, le=100)
+    curvature: float = Field(0.0, ge=-100, le=100)
     slipping: bool = False
     slide: tuple[Slid, Slid, Angle] | None = None
 

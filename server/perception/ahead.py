@@ -114,6 +114,7 @@ class PassageNews(NamedTuple):
     """All joints of the mechanism (n,) [rad]; NaN for those that it does not concern."""
     most_speed: float
     most_speed_back: float
+    curvature: float
     nearest: Array
     """The contour (rows, columns) [m]; NaN for nothing."""
 
@@ -135,7 +136,7 @@ class Passage:
         self._silent_ticks = max(1, round(silent_s / cell.config.timing.period_s))
         self._fold_ticks = max(1, round(FOLD_S / cell.config.timing.period_s))
         self._headway = Headway(cell.config.timing.period_s)
-        self._unseen = self._told_unseen = False
+        self._unseen = self._told_unseen = self._steers = False
         self.newest: PassageNews | None = None
         self.silent = True
         """No news is fresh."""
@@ -165,6 +166,9 @@ class Passage:
                 f"{news.rows} by {news.columns} cells of {news.cell:g} m: the cell has {rows} by "
                 f"{columns} of {plane.cell:g} m",
             )
+        if abs(news.curvature) > self._contour.steer:
+            most = self._contour.steer
+            raise Refused(Why.OUT_OF_RANGE, f"curvature: {news.curvature:g}: at most {most:g}")
         millimetres = np.frombuffer(news.nearest_mm, dtype="<u2").reshape(rows, columns)
         nearest = np.where(millimetres == NOTHING, np.nan, millimetres * 1e-3)
         self.newest = PassageNews(
@@ -174,6 +178,7 @@ class Passage:
             self._posture(news.posture),
             math.inf if news.most_speed is None else news.most_speed,
             news.most_speed_back,
+            news.curvature,
             nearest,
         )
         self._tell(before, self.newest)
@@ -230,6 +235,20 @@ class Passage:
         if self.silent or self.newest is None:
             return 0.0
         return min(1.0, self.newest.most_speed / speed)
+
+    def turn(self, speed: float, turn: float) -> float:
+        """Return the turn of a base [rad/s] that an operator drives at a speed [m/s], and turns.
+
+        One that is driven straight ahead steers aside; who turns it himself is obeyed.
+        """
+        steers = speed > 0.0 and turn == 0.0 and not self.silent and self.newest is not None
+        curvature = self.newest.curvature if steers and self.newest is not None else 0.0
+        if bool(curvature) is not self._steers:
+            self._steers = bool(curvature)
+            name = "steers_aside" if curvature else "steered_aside"
+            detail = f"on an arc of {1.0 / abs(curvature):.2g} m" if curvature else ""
+            self._events.info(name, detail)
+        return curvature * speed if curvature else turn
 
     @property
     def held(self) -> str:

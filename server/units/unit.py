@@ -201,11 +201,11 @@ class LookingAhead:
         fold = None
         if passage is not None and asked.settings.avoid:
             passage.follow(asked.drive.speed, way, tick, cleared=cleared)
-            share = passage.share(asked.drive.speed)
-            if share < 1.0:
+            drive, share = asked.drive, passage.share(asked.drive.speed)
+            turn = passage.turn(drive.speed, drive.turn)
+            if share < 1.0 or turn != drive.turn:
                 # In proportion: it stays on the arc that it is driven on.
-                drive = asked.drive
-                drive = drive._replace(speed=share * drive.speed, turn=share * drive.turn)
+                drive = drive._replace(speed=share * drive.speed, turn=share * turn)
                 asked = evolve(asked, drive=drive)
             posture = passage.posture(tick)
             if posture is not None:

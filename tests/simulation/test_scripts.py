@@ -16,6 +16,7 @@ CELL_OF = {
     "reflect_pose": "pa10_reflect",
     "reach_along": "gantry",
     "skid": "rover_skid",
+    "steer_aside": "rover_aside",
 }
 ELSEWHERE = {
     name for name in shipped("scripts") if name.startswith(("vision_", "peg_", "obstacle_"))

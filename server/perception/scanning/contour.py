@@ -1,5 +1,6 @@
 """Contour ahead of the arm, the boxes around it, and which of its cells links project on."""
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -56,6 +57,23 @@ class CellPlane(NamedTuple):
             int(np.floor(z / self.cell + 1e-9)),
             int(np.floor((y + 0.5 * self.width) / self.cell + 1e-9)),
         )
+
+
+def along_arc(points: Array, foot: Array, curvature: float) -> Array:
+    """Return points (n, 3) as a base meets them that drives on an arc, left if positive [1/m].
+
+    Points and what is returned are as if seen from the `foot` (3,) of its arm in Base [m]: x is the
+    arc's length, y how far to the left of it. A part of the base on its middle line, x ahead of
+    Base, is x² / 2 times the curvature to the outer side there, to second order.
+    """
+    if curvature == 0.0:
+        return points
+    radius, side = 1.0 / curvature, math.copysign(1.0, curvature)
+    x, y = points[:, 0] + foot[0], radius - points[:, 1] - foot[1]
+    found = points.copy()
+    found[:, 0] = radius * np.arctan2(side * x, side * y) - foot[0]
+    found[:, 1] = radius - side * np.hypot(x, y) - foot[1]
+    return found
 
 
 class Contour(NamedTuple):
@@ -314,6 +332,12 @@ class Obstacles(NamedTuple):
         """Return them so much higher [m]."""
         up = np.array([0.0, by])
         return Obstacles(self.low + up, self.high + up, self.near)
+
+    def wider(self, right: float, left: float) -> "Obstacles":
+        """Return them so much wider on either side [m]."""
+        return self._replace(
+            low=self.low - np.array([right, 0.0]), high=self.high + np.array([left, 0.0])
+        )
 
     def beside(self, others: "Obstacles") -> "Obstacles":
         """Return these and others."""

@@ -1,6 +1,7 @@
 """Reflex of an arm that drives under something: postures, the search among them, when to fold."""
 
 import math
+from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -376,6 +377,85 @@ def _along(shoulder: Array, elbow: Array) -> Array:
     length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
     begin: Array = shoulder + way * np.minimum(1.0, FROM_SHOULDER / length)
     return begin
+
+
+# --- Steering aside: the arc on which a base that is driven straight ahead passes what it met -----
+#
+# Of the arcs on which what cannot move passes, the one that is nearest to where the operator was
+# heading: what was turned aside is turned back as soon as that way is free. Who turns the base
+# himself is not steered; the daemon sees to that, and here it shows in a base that does not turn.
+
+ARCS: Final = 8
+"""Arcs to either side that are looked at [1]."""
+BESIDE: Final = 0.05
+"""A base that steers aside keeps so much farther from things than it has to [m]."""
+TURNED_BACK: Final = 1.0
+"""Over about so long a way it is turned back to its heading [m]."""
+LEAST_TURN: Final = 0.02
+"""Less is not turned back [rad]."""
+CHANGE: Final = 0.25
+"""What an arc counts for that is another than the last one [1]."""
+FOLLOWS_S: Final = 1.0
+"""A base that is told to turn does so within about this time [s]."""
+OWN_TURN: Final = 0.03
+"""Where it was told to turn by so much, and did not, somebody else turns it [rad]."""
+
+
+class Steering:
+    """Remembers one way around. Tell it every contour; it answers with the arc to be driven on."""
+
+    def __init__(self, most: float) -> None:
+        """Build it for curvatures of at most so much [1/m]; 0: it never steers."""
+        self._arcs = most * np.arange(-ARCS, ARCS + 1) / ARCS
+        self._most = most
+        self.forget()
+
+    def forget(self) -> None:
+        """Remember no way."""
+        self.curvature = 0.0
+        """The arc that was told last [1/m]; 0: straight ahead, or as the operator likes."""
+        self._owed = self._told = self._did = 0.0
+        """What is to be turned back, what was told lately, and what was turned [rad]."""
+        self._before: tuple[float, Pose] | None = None
+
+    def step(self, time_s: float, base: Pose, blocked: Callable[[float], bool]) -> float:
+        """Return the curvature to be driven on [1/m].
+
+        `base` is Base by its odometry; `blocked` tells whether something is met on an arc that does
+        not fit.
+        """
+        if self._most == 0.0:
+            return 0.0
+        self._count(time_s, base)
+        wanted = 0.0
+        if abs(self._owed) > LEAST_TURN:
+            wanted = min(max(self._owed / TURNED_BACK, -self._most), self._most)
+        if not blocked(wanted):
+            self.curvature = wanted
+            return wanted
+        cost = np.abs(self._arcs - wanted) + CHANGE * np.abs(self._arcs - self.curvature)
+        for k in np.argsort(cost, kind="stable").tolist():
+            if not blocked(float(self._arcs[k])):
+                self.curvature = float(self._arcs[k])
+                return self.curvature
+        self.curvature = 0.0
+        return 0.0
+
+    def _count(self, time_s: float, base: Pose) -> None:
+        """Count what this has turned the base by; forget it where somebody else turns it."""
+        before, self._before = self._before, (time_s, base)
+        if before is None:
+            return
+        moved = before[1].inverse() @ base
+        turned = math.atan2(moved.R[1, 0], moved.R[0, 0])
+        told = self.curvature * max(0.0, float(moved.p[0]))
+        # What both say is its own.
+        own = math.copysign(min(abs(told), abs(turned)), told) if told * turned > 0.0 else 0.0
+        self._owed -= own
+        lately = math.exp(-(time_s - before[0]) / FOLLOWS_S)
+        self._told, self._did = lately * self._told + told, lately * self._did + own
+        if abs(self._told) > OWN_TURN and abs(self._did) < 0.5 * abs(self._told):
+            self._owed = self._told = self._did = 0.0
 
 
 # --- Reflex of an arm that drives under something: when to wait, where to fold, when to unfold ----

@@ -7,6 +7,7 @@ telegram ──► rays ──► placed ──► own rays bridged ──► me
 import math
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,7 +20,16 @@ from ....protocols.messages.telemetry import State
 from ....protocols.sick import Scan, TelegramError
 from ...control.scene import Flags
 from ...control.spatial import Array, Pose
-from .contour import MOST, CellBox, CellPlane, Contour, Obstacles, boxes_of, contour_of
+from .contour import (
+    MOST,
+    CellBox,
+    CellPlane,
+    Contour,
+    Obstacles,
+    along_arc,
+    boxes_of,
+    contour_of,
+)
 from .contour import NOTHING as NONE
 from .placing import (
     FARTHEST,
@@ -33,7 +43,16 @@ from .placing import (
     own_rays,
     place,
 )
-from .reflex import CriticalPoints, PassageReflex, Reach, Reaction, Search, speed_within
+from .reflex import (
+    BESIDE,
+    CriticalPoints,
+    PassageReflex,
+    Reach,
+    Reaction,
+    Search,
+    Steering,
+    speed_within,
+)
 from .slip import SlipMonitor
 
 SCAN: Final = "scan"
@@ -100,6 +119,7 @@ class Scanning:
         low = max(0.0, height) if contour.base_width else 0.0
         self._below = self.plane._replace(height=low)
         search = Search(points, self.plane, reach_of(contour), contour.base_width, -low)
+        self._search, self.steering = search, Steering(contour.steer)
         self.ground = GroundBehind(contour.base_width, contour.base_rear, contour.foot[2])
         """What is known of the ground that the base may be driven back over."""
         sweep = cell.config.mechanism.sweep
@@ -183,6 +203,7 @@ class Scanning:
         self.memory.forget()
         self.ground.forget()
         self.reflex.forget()
+        self.steering.forget()
 
     # --- one scan ----------------------------------------------------------------------------
 
@@ -259,22 +280,57 @@ class Scanning:
         seen, hits = (self.memory.points - foot) @ R, self.memory.hits
         contour = contour_of(seen, hits, self.plane, rear)
         passed = contour_of(seen, hits, self.plane._replace(collect=rear), -KEPT_BEHIND)
+        beside = -self.config.base_rear - float(self._foot[0])
+        curvature = self.steering.step(
+            now.time_s, now.T_world_base, partial(self._meets, seen, hits, beside)
+        )
+        front = float(self._foot[0] + self._points.of(q[None])[0, :, 0].max())
         answer = self.reflex.step(
             now.time_s,
             q,
-            Obstacles.of(contour, self.plane).beside(self._lower(seen, hits, rear)),
+            self._met(seen, hits, rear, curvature, max(front, 0.0), contour),
             Obstacles.behind(passed, self.plane),
         )
         self.ground.stand(now.T_world_base, now.time_s)
         back = speed_within(self.ground.room(now.T_world_base, now.time_s))
         news = self._news(now.tick, contour, answer, back)
-        news = news.model_copy(update={"slipping": slipping, "slide": slide})
+        update = {"slipping": slipping, "slide": slide, "curvature": curvature}
+        news = news.model_copy(update=update)
         messages: list[ContourNews | ObstacleNews] = [news]
         if self.scans % BOXES_EVERY == 0:
             boxes = boxes_of(passed, BOXES_BEHIND)
             boxes += boxes_of(contour, MOST - len(boxes))
             messages += self._boxes(now.tick, boxes, Pose(R, foot))
         return looked._replace(contour=contour, answer=answer, messages=tuple(messages))
+
+    def _met(
+        self,
+        seen: Array,
+        hits: Array,
+        rear: float,
+        curvature: float,
+        front: float,
+        straight: Contour | None = None,
+    ) -> Obstacles:
+        """Return what a base that is driven on an arc meets, with an arm that reaches to `front`.
+
+        `straight` is the contour of points as they are `seen`, where that is known already.
+        """
+        if curvature == 0.0 and straight is not None:
+            return Obstacles.of(straight, self.plane).beside(self._lower(seen, hits, rear))
+        along = along_arc(seen, self._foot, curvature)
+        upper = Obstacles.of(contour_of(along, hits, self.plane, rear), self.plane)
+        lower, nose = self._lower(along, hits, rear), max(self.config.base_rear, self._foot[0])
+        # What is ahead of Base, or behind, is on the outer side of the arc.
+        for_arm, for_base = (0.5 * curvature * float(x) ** 2 for x in (max(front, nose), nose))
+        return upper.wider(max(0.0, -for_arm), max(0.0, for_arm)).beside(
+            lower.wider(max(0.0, -for_base), max(0.0, for_base))
+        )
+
+    def _meets(self, seen: Array, hits: Array, rear: float, curvature: float) -> bool:
+        """Return whether what cannot move meets something on an arc, or is nearly as near to it."""
+        met = self._met(seen, hits, rear, curvature, 0.0).within(rear, self.config.plane.ahead)
+        return bool(self._search.blocked(met.wider(BESIDE, BESIDE)))
 
     def _lower(self, seen: Array, hits: Array, rear: float) -> Obstacles:
         """Return what stands lower than the arm's foot, and higher than the floor."""

@@ -16,9 +16,10 @@ FOLDED = (0.5, -1.0, 0.2, -1.5, 0.1, 0.2, 0.3)
 class Ahead:
     """One passage, told and asked tick by tick."""
 
-    def __init__(self, wait: bool = True) -> None:
+    def __init__(self, wait: bool = True, steer: float = 0.0) -> None:
         self.events = Events()
-        self.passage = Passage.from_cell(altered(CELL, {"contour.wait": wait}), self.events)
+        cell = altered(CELL, {"contour.wait": wait, "contour.steer": steer})
+        self.passage = Passage.from_cell(cell, self.events)
 
     def tell(self, tick: int, **fields: object) -> None:
         news = {
@@ -40,6 +41,29 @@ def test_nobody_drives_ahead_before_anything_was_seen() -> None:
     assert ahead.passage.share(-0.1) == pytest.approx(0.5)  # backing out is slow
     ahead.tell(5)
     assert ahead.passage.share(0.1) == 1.0
+
+
+def test_a_base_that_is_driven_straight_ahead_steers_and_who_turns_it_is_obeyed() -> None:
+    ahead = Ahead(steer=0.8)
+    assert ahead.passage.turn(0.2, 0.0) == 0.0
+    ahead.tell(5, curvature=-0.5)
+    assert ahead.passage.turn(0.2, 0.0) == pytest.approx(-0.1)
+    assert ahead.passage.turn(0.2, 0.03) == 0.03
+    assert ahead.passage.turn(-0.2, 0.0) == 0.0
+    assert ahead.told == ["scanner_heard", "steers_aside", "steered_aside"]
+    ahead.passage.update(60)  # silence
+    assert ahead.passage.turn(0.2, 0.0) == 0.0
+
+
+@pytest.mark.parametrize(("steer", "curvature"), [(0.0, 0.01), (0.8, -0.81), (0.8, 2.0)])
+def test_an_arc_that_is_closer_than_the_cell_says_is_refused(
+    steer: float, curvature: float
+) -> None:
+    ahead = Ahead(steer=steer)
+    with pytest.raises(Refused, match=f"curvature: {curvature:g}: at most {steer:g}") as refused:
+        ahead.tell(5, curvature=curvature)
+    assert refused.value.reason is Why.OUT_OF_RANGE
+    assert ahead.passage.turn(0.2, 0.0) == 0.0
 
 
 def test_back_a_base_goes_at_speed_only_over_ground_that_was_seen_and_it_is_told_once() -> None:

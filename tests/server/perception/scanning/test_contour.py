@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from telerobot.server.perception.scanning.contour import (
     Contour,
     Obstacles,
+    along_arc,
     boxes_of,
     clearance,
     contour_of,
@@ -25,6 +26,43 @@ def test_shoulder_elbow_and_tool_of_the_papers_posture_are_in_its_cells(tmp_path
     shoulder, elbow, *_, tool = search(tmp_path).points.of(START[None])[0]
     cells = [PLANE.cell_of(p[1], p[2]) for p in (shoulder, elbow, tool)]
     assert [(i + 1, j + 1) for i, j in cells] == [(7, 21), (11, 21), (18, 21)]
+
+
+FOOT = np.array([0.2, 0.0, 0.5])
+
+
+def on_arc(way: float, curvature: float, part: Array) -> Array:
+    """Where a part of a base, seen from Base, is once that has driven a way on an arc."""
+    a = way * curvature
+    R = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+    return R @ part + np.array([np.sin(a), 1.0 - np.cos(a)]) / curvature
+
+
+@pytest.mark.parametrize("curvature", [-0.8, -0.1, 0.3, 0.8])
+def test_along_an_arc_points_are_where_a_base_that_drives_there_has_them_beside_it(
+    curvature: float,
+) -> None:
+    draw = np.random.default_rng(4)
+    for way, left, up in draw.uniform((-0.4, -0.9, 0.0), (3.0, 0.9, 1.0), (50, 3)):
+        x, y = on_arc(way, curvature, np.array([0.0, left]))
+        seen = np.array([[x, y, up]]) - FOOT
+        np.testing.assert_allclose(
+            along_arc(seen, FOOT, curvature)[0], np.array([way, left, up]) - FOOT, atol=1e-12
+        )
+    np.testing.assert_array_equal(along_arc(seen, FOOT, 0.0), seen)
+
+
+@pytest.mark.parametrize("curvature", [-0.8, 0.3, 0.8])
+def test_what_the_nose_or_the_tail_of_a_base_sweeps_is_within_what_obstacles_are_wider_by(
+    curvature: float,
+) -> None:
+    most = 0.5 * curvature * 0.45**2
+    for part in np.random.default_rng(5).uniform((-0.35, -0.3), (0.45, 0.3), (50, 2)):
+        x, y = on_arc(1.2, curvature, part)
+        met = along_arc(np.array([[x, y, 0.0]]) - FOOT, FOOT, curvature)[0, 1]
+        point = Obstacles(np.array([[met, 0.0]]), np.array([[met, 0.0]]), np.array([1.0]))
+        wide = point.wider(max(0.0, -most), max(0.0, most))
+        assert wide.low[0, 0] - 0.03 <= part[1] <= wide.high[0, 0] + 0.03
 
 
 def test_forbidden_cells_are_those_of_a_grid_ten_times_as_fine(tmp_path: Path) -> None:

@@ -5,8 +5,15 @@ import math
 import numpy as np
 import pytest
 from laboratory.papers.lwa3 import PLANE, START, bridge, search
+from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.scanning.contour import Contour, Obstacles, clearance
-from telerobot.server.perception.scanning.reflex import PassagePhase, PassageReflex, Search
+from telerobot.server.perception.scanning.reflex import (
+    ARCS,
+    PassagePhase,
+    PassageReflex,
+    Search,
+    Steering,
+)
 
 
 @pytest.fixture(scope="module")
@@ -227,3 +234,76 @@ def test_an_arm_that_swings_back_as_it_unfolds_waits_until_it_is_clear_of_the_br
         if phase is PassagePhase.RETURNING:
             nearer = passed._replace(near=passed.near + 0.4)
             assert reflex.step(6.1, folded, nothing, nearer).phase is PassagePhase.UNDECIDED
+
+
+HALF = 0.35
+"""Of a base that steers, with what it keeps free [m]."""
+
+
+def drive(low: float, high: float, obeys: float = 1.0) -> tuple[list[Pose], Steering]:
+    """Drive a base without dynamics at a wall 2 m ahead, from `low` to `high` across [m].
+
+    It turns by a part `obeys` of what it is told.
+    """
+    steering, base, poses = Steering(0.8), Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), []
+    wall = np.stack([np.full(40, 2.0), np.linspace(low, high, 40)], axis=1)
+    ways = np.linspace(0.0, 2.0, 60)
+    for k in range(500):
+        at = base
+
+        def blocked(curvature: float) -> bool:
+            a = curvature * ways
+            x = ways * np.sinc(a / np.pi)
+            y = 0.5 * a * ways * np.sinc(0.5 * a / np.pi) ** 2
+            middles = np.stack([x, y], axis=1) @ at.R[:2, :2].T + at.p[:2]  # noqa: B023
+            return bool(np.linalg.norm(wall[None] - middles[:, None], axis=2).min() < HALF)
+
+        curvature = steering.step(0.04 * k, base, blocked)
+        turn = obeys * curvature * 0.01
+        base = base @ Pose.from_xyz_rpy((0.01, 0.0, 0.0), (0.0, 0.0, turn))
+        poses.append(base)
+    return poses, steering
+
+
+def heading(pose: Pose) -> float:
+    return math.atan2(pose.R[1, 0], pose.R[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "side"), [(-1.0, 0.2, 1), (-0.2, 1.0, -1), (-0.1, 0.3, -1)]
+)
+def test_a_base_passes_a_wall_on_the_near_side_and_is_on_its_heading_again(
+    low: float, high: float, side: int
+) -> None:
+    poses, steering = drive(low, high)
+    places = np.array([pose.p[:2] for pose in poses])
+    wall = np.stack([np.full(40, 2.0), np.linspace(low, high, 40)], axis=1)
+    assert np.linalg.norm(places[:, None] - wall[None], axis=2).min() > HALF - 0.02
+    end = high + HALF if side > 0 else low - HALF
+    assert side * places[-1, 1] > side * end - 0.02
+    assert side * places[-1, 1] < side * end + 0.5
+    assert max(abs(heading(pose)) for pose in poses) > 0.1
+    assert abs(heading(poses[-1])) < 0.05
+    assert steering.curvature == pytest.approx(0.0, abs=0.05)
+
+
+def test_one_that_somebody_else_turns_is_not_turned_back_later() -> None:
+    poses, steering = drive(-1.0, 0.2, obeys=0.0)
+    assert np.abs([pose.p[1] for pose in poses]).max() == 0.0
+    assert steering._owed == 0.0
+    assert steering.step(100.0, poses[-1], lambda _: False) == 0.0
+
+
+def test_where_no_arc_is_free_it_goes_straight_on_so_that_the_reflex_stops_it() -> None:
+    tried: list[float] = []
+
+    def blocked(curvature: float) -> bool:
+        tried.append(curvature)
+        return True
+
+    at = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3)
+    assert Steering(0.8).step(0.0, at, blocked) == 0.0
+    assert len(tried) == 2 * ARCS + 2
+    tried.clear()
+    assert Steering(0.0).step(0.0, at, blocked) == 0.0
+    assert tried == []
