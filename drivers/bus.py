@@ -13,6 +13,7 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Collection
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,6 +29,9 @@ CanMessage = can.Message
 """A CAN frame as it comes from a bus."""
 CanBus = can.BusABC
 """A CAN bus that is open."""
+Frame = tuple[int, bytes, float]
+"""Identifier, with linux/can.h's flags of what is no standard data frame; data; stamp [s]."""
+EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29
 BusErrors = (can.CanError, OSError)
 """Errors of a bus that is not there now, as of an interface that is down."""
 
@@ -40,7 +44,10 @@ _BPF: Final = struct.Struct("=HBBI")
 _TIMESPEC: Final = struct.Struct("@ll")
 _LARGEST_DATAGRAM: Final = 1024
 _RECEIVE_BUFFER: Final = 1 << 20
-_STANDARD: Final = 0x7FF
+STANDARD: Final = 0x7FF
+_KEY: Final = 45
+"""So many bytes of a datagram hold identifier and length, and no data [1]."""
+_UNKNOWN: Final = (0, b"", 0)
 _MALFORMED: Final = (
     ValueError, TypeError, AttributeError, OverflowError, msgpack.UnpackException,
 )  # fmt: skip
@@ -52,7 +59,8 @@ class LoopbackBus(UdpMulticastBus):
     Nothing leaves the machine: group, sender and receiver are on 127.0.0.1, with hop limit 0. The
     kernel drops the sender's own echo by its source port: it wakes nobody up, and a foreign frame
     with equal content is still seen. Stamps are the kernel's, in seconds. Datagrams that are no
-    classic CAN frame are ignored and counted in `malformed`.
+    classic CAN frame are ignored and counted in `malformed`. `put` and `take` are the quick way:
+    they make no object of a frame, and look into a standard one only when its head is new.
     """
 
     def __init__(self, channel: str, port: int) -> None:
@@ -60,7 +68,8 @@ class LoopbackBus(UdpMulticastBus):
         self._can_protocol = can.CanProtocol.CAN_20
         self.channel_info = f"loopback {channel}:{port}"
         self.malformed = 0
-        self._group = (channel, port)
+        self._known: dict[bytes, tuple[int, bytes, int]] = {}
+        """Of standard data frames that came: identifier, what stands before the data, all bytes."""
         self.receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -84,6 +93,7 @@ class LoopbackBus(UdpMulticastBus):
         sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
         sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
         sender.bind((_LOOPBACK, 0))
+        sender.connect((channel, port))
         self._own: tuple[str, int] = sender.getsockname()
         with contextlib.suppress(OSError):  # a kernel without it: `_recv_internal` drops echoes
             _drop_from(receiver, self._own[1])
@@ -95,7 +105,14 @@ class LoopbackBus(UdpMulticastBus):
         if timeout != self.sender.gettimeout():
             self.sender.settimeout(timeout)
         try:
-            self.sender.sendto(_packed(msg), self._group)
+            self.sender.send(_packed(msg))
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: {error}") from error
+
+    def put(self, can_id: int, data: bytes) -> None:
+        """Send a standard data frame. Raises `can.CanOperationError`."""
+        try:
+            self.sender.send(_head(can_id, len(data)) + data)
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
 
@@ -107,6 +124,11 @@ class LoopbackBus(UdpMulticastBus):
         return super().recv(timeout) if self._filters else self._recv_internal(timeout)[0]
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        frame = self.take(timeout)
+        return None if frame is None else message_of(*frame), False
+
+    def take(self, timeout: float | None = 0.0) -> Frame | None:
+        """Return the next frame, None when none came in time [s], as `recv` does."""
         deadline = None if timeout is None else time.monotonic() + timeout
         try:
             while True:
@@ -115,34 +137,35 @@ class LoopbackBus(UdpMulticastBus):
                 except BlockingIOError:
                     left = None if deadline is None else deadline - time.monotonic()
                     if left is not None and left <= 0:
-                        return None, False
+                        return None
                     select.select([self.receiver], [], [], left)
                     continue
                 if source == self._own:
                     continue
-                message = self._frame(data, ancillary)
-                if message is not None:
-                    return message, False
+                seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
+                stamp = seconds + nanoseconds * 1e-9
+                can_id, head, size = self._known.get(data[:_KEY], _UNKNOWN)
+                if size == len(data) and data.startswith(head):
+                    return can_id, data[len(head) :], stamp
+                frame = self._read(data, stamp)
+                if frame is not None:
+                    return frame
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
 
-    def _frame(self, data: bytes, ancillary: list[tuple[int, int, bytes]]) -> can.Message | None:
-        stamp = None
-        for level, kind, content in ancillary:
-            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack_from(content)
-                stamp = seconds + nanoseconds * 1e-9
+    def _read(self, data: bytes, stamp: float) -> Frame | None:
         try:
-            fields = msgpack.unpackb(data)
-            fields["timestamp"] = time.time() if stamp is None else stamp
-            message = can.Message(check=True, **fields)
+            message = can.Message(check=True, **{**msgpack.unpackb(data), "timestamp": stamp})
         except _MALFORMED:
             self.malformed += 1
             return None
         if message.is_fd or type(message.arbitration_id) is not int:
             self.malformed += 1
             return None
-        return message
+        frame = can_id, content, _ = frame_of(message)
+        if can_id <= STANDARD and data.startswith(head := _head(can_id, len(content))):
+            self._known[data[:_KEY]] = can_id, head, len(data)
+        return frame
 
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when a frame came."""
@@ -168,6 +191,56 @@ def _packed(message: can.Message) -> bytes:
         fields["is_error_frame"] = message.is_error_frame
     packed: bytes = msgpack.packb(fields)
     return packed
+
+
+@cache
+def _head(can_id: int, dlc: int) -> bytes:
+    """Return what stands before the data in the datagram of a standard data frame."""
+    packed = _packed(can.Message(arbitration_id=can_id, is_extended_id=False, data=bytes(dlc)))
+    return packed[: len(packed) - dlc]
+
+
+def message_of(can_id: int, data: bytes, stamp: float) -> can.Message:
+    """Return a frame as python-can has it."""
+    remote = bool(can_id & REMOTE)
+    return can.Message(
+        stamp,
+        can_id & ~(EXTENDED | REMOTE | ERROR),
+        is_extended_id=bool(can_id & EXTENDED),
+        is_remote_frame=remote,
+        is_error_frame=bool(can_id & ERROR),
+        dlc=len(data),
+        data=None if remote else data,
+    )
+
+
+def frame_of(message: can.Message) -> Frame:
+    """Return a frame of python-can's."""
+    can_id, data = message.arbitration_id, bytes(message.data)
+    if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+        can_id |= EXTENDED * message.is_extended_id | ERROR * message.is_error_frame
+        if message.is_remote_frame:
+            can_id, data = can_id | REMOTE, bytes(message.dlc)
+    return can_id, data, message.timestamp
+
+
+def putting(bus: can.BusABC) -> Callable[[int, bytes], None]:
+    """Return what sends standard data frames on a bus."""
+    if isinstance(bus, LoopbackBus):
+        return bus.put
+    return lambda can_id, data: bus.send(message_of(can_id, data, 0.0))
+
+
+def taking(bus: can.BusABC) -> Callable[[float], Frame | None]:
+    """Return what takes frames from a bus: the next one, None when none came in time [s]."""
+    if isinstance(bus, LoopbackBus):
+        return bus.take
+
+    def take(timeout: float) -> Frame | None:
+        message = bus.recv(timeout)
+        return None if message is None else frame_of(message)
+
+    return take
 
 
 def _drop_from(receiver: socket.socket, port: int) -> None:
@@ -316,7 +389,7 @@ def hear_only(bus: can.BusABC, identifiers: Collection[int]) -> None:
     """
     if isinstance(bus, SocketcanBus):
         bus.set_filters(
-            [{"can_id": each, "can_mask": _STANDARD, "extended": False} for each in identifiers]
+            [{"can_id": each, "can_mask": STANDARD, "extended": False} for each in identifiers]
         )
 
 

@@ -17,7 +17,17 @@ import canopen
 from ..config.load import Cell
 from ..protocols.canopen import can301
 from ..protocols.canopen.can301 import FrameError
-from .bus import Hub, InProcessBus, descriptor_of, hear_only, open_bus
+from .bus import (
+    ERROR,
+    Frame,
+    Hub,
+    InProcessBus,
+    descriptor_of,
+    hear_only,
+    open_bus,
+    putting,
+    taking,
+)
 from .device import Cause, DeviceError, Trouble
 
 # --- The CAN master on one bus: SYNC, heartbeat, dispatch of frames, and SDO without a thread -----
@@ -101,7 +111,8 @@ class Fieldbus:
             can301.SYNC_ID,
             can301.heartbeat_id(can301.MASTER_NODE),
         }
-        self._waiting: deque[can.Message] = deque()
+        self._put_frame, self._take_frame = putting(bus), taking(bus)
+        self._waiting: deque[Frame] = deque()
         self._replies: set[int] = set()
         """Identifiers of the SDO replies of all nodes that are known."""
         self._only_known = False
@@ -172,10 +183,10 @@ class Fieldbus:
         """Dispatch every frame that is there, without blocking; return how many there were."""
         self.now = now
         for count in range(_MOST_FRAMES_AT_ONCE):
-            message = self._waiting.popleft() if self._waiting else self._take(0)
-            if message is None:
+            frame = self._waiting.popleft() if self._waiting else self._take(0)
+            if frame is None:
                 return count
-            self._dispatch(message)
+            self._dispatch(*frame)
         return _MOST_FRAMES_AT_ONCE
 
     def wait(self, timeout_s: float) -> bool:
@@ -188,10 +199,10 @@ class Fieldbus:
         descriptor = self.descriptor
         if descriptor >= 0:
             return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
-        message = self._take(timeout_s)
-        if message is not None:
-            self._waiting.append(message)
-        return message is not None
+        frame = self._take(timeout_s)
+        if frame is not None:
+            self._waiting.append(frame)
+        return frame is not None
 
     @property
     def descriptor(self) -> int:
@@ -203,13 +214,13 @@ class Fieldbus:
         deadline = self.clock() + timeout_s
         while not condition():
             left = deadline - self.clock()
-            message = self._waiting.popleft() if self._waiting else None
-            if message is None and left > 0:
-                message = self._take(left)
-            if message is None:
+            frame = self._waiting.popleft() if self._waiting else None
+            if frame is None and left > 0:
+                frame = self._take(left)
+            if frame is None:
                 return condition()
             self.now = self.clock()
-            self._dispatch(message)
+            self._dispatch(*frame)
         return True
 
     def pause(self, seconds: float) -> None:
@@ -256,44 +267,38 @@ class Fieldbus:
             hear_only(self.bus, known)
 
     def _put(self, can_id: int, data: bytes) -> None:
-        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        self._put_frame(can_id, data)
         for tap in self.taps:
             tap(can_id, data)
 
-    def _take(self, timeout_s: float) -> can.Message | None:
+    def _take(self, timeout_s: float) -> Frame | None:
         try:
-            return self.bus.recv(timeout_s)
+            return self._take_frame(timeout_s)
         except (can.CanError, OSError) as error:
             self._fail(Cause.BUS_ERROR, f"cannot receive: {error}")
             return None
 
-    def _dispatch(self, message: can.Message) -> None:
-        can_id = message.arbitration_id
-        if message.is_error_frame:
-            if can_id & _BUS_OFF:
-                self._fail(Cause.BUS_ERROR, "the controller is off the bus")
-            return
-        if message.is_remote_frame or message.is_extended_id:
-            return
-        if can_id in self._masters:
-            self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
-            return
-        data = bytes(message.data)
-        if can_id in self._answers and not self._asked_for(can_id, data):
-            return
+    def _dispatch(self, can_id: int, data: bytes, stamp: float) -> None:
         handler = self._handlers.get(can_id)
         # An interface that does not stamp leaves 0: what goes by instants has to have some.
-        stamp = message.timestamp or self.now
+        stamp = stamp or self.now
         try:
             if handler is not None:
-                handler(data, stamp)
+                if can_id not in self._answers or self._asked_for(can_id, data):
+                    handler(data, stamp)
+            elif can_id & ERROR:
+                if can_id & _BUS_OFF:
+                    self._fail(Cause.BUS_ERROR, "the controller is off the bus")
+            elif can_id in self._masters:
+                self._fail(Cause.SECOND_MASTER, f"someone else sent {can_id:#05x}", can_id=can_id)
             elif can_id == self._awaited and len(data) != _SDO_BYTES:
                 self.malformed += 1  # canopen would look for more in it
-            elif can_id > _HEARTBEATS and (not data or data[0] not in _STATES):
-                self.malformed += 1  # canopen would keep a state that it cannot name
             elif can_id in self._for_canopen or can_id == self._awaited:
-                # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
-                self.network.notify(can_id, message.data, stamp)
+                if can_id > _HEARTBEATS and (not data or data[0] not in _STATES):
+                    self.malformed += 1  # canopen would keep a state that it cannot name
+                else:
+                    # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
+                    self.network.notify(can_id, bytearray(data), stamp)
         except (FrameError, struct.error, IndexError):
             self.malformed += 1
 

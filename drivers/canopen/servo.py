@@ -397,14 +397,15 @@ class ServoDrive(JointDrive):
         return Trouble(cause, self.name, detail, {"node": self.drive.node, **values})
 
     def _on_feedback(self, data: bytes, stamp: float) -> None:
-        word = cia402.unpack_feedback(data).statusword
+        if len(data) != cia402.FEEDBACK.size:
+            raise FrameError(f"TPDO1: {len(data)} bytes instead of {cia402.FEEDBACK.size}")
         s, i, bus = self._s, self._i, self.fieldbus
         s.feedback[self._bytes] = data
         # After a SYNC without an answer this may be the one to that, late.
         s.sampled_s[i] = bus.sync_s if bus.sync_count - s.answered[i] <= 1 else None
         s.answered[i], s.stamp[i], s.heard[i] = bus.sync_count, stamp, True
         if s.enabling[i] and not s.seen_enabled[i] and bus.sync_count - s.told[i] >= OBEYED_SYNCS:
-            s.seen_enabled[i] = _CODES[word & _STATE_BITS] == _ENABLED_CODE
+            s.seen_enabled[i] = _CODES[self._told.statusword & _STATE_BITS] == _ENABLED_CODE
 
     def _on_heartbeat(self, state: int) -> None:
         self._s.heartbeat_s[self._i] = self.fieldbus.now

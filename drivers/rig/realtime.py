@@ -19,6 +19,7 @@ from ...config.schema.bus import CanOpenNodeSection
 from ...protocols.canopen import can301
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import RigFault, RigTruth
+from ..bus import Frame
 from ..device import DeviceError
 from ..fieldbus import POLL_S
 from .rig import Rig
@@ -115,11 +116,11 @@ def run_realtime(
     while True:
         asleep = wait
         while (heard := rig.receive()) is not None:
-            wire, message = heard
+            wire, frame = heard
             asleep = gather
-            sent_s = clock() - _age(message, rig, stamping)
+            sent_s = clock() - _age(frame, rig, stamping)
             deadline = _catch_up(rig, pace, deadline, sent_s)
-            rig.handle(wire, message, min(max(sent_s - deadline, -rig.dt), rig.dt))
+            rig.handle(wire, frame, min(max(sent_s - deadline, -rig.dt), rig.dt))
             if wire.stranger is not None:
                 pace.foreign += 1
                 if tell is not None:
@@ -147,9 +148,9 @@ def run_realtime(
         asleep(rig, max(0.0, wake_s - clock()))
 
 
-def _age(message: can.Message, rig: Rig, stamping: Callable[[], float]) -> float:
+def _age(frame: Frame, rig: Rig, stamping: Callable[[], float]) -> float:
     """Return how long a frame has waited [s], 0 when its stamp does not tell."""
-    age = stamping() - message.timestamp
+    age = stamping() - frame[2]
     return age if 0.0 < age <= MOST_PERIODS * rig.period_s else 0.0
 
 

@@ -19,6 +19,7 @@ from ...protocols.canopen.cia402 import DriveState
 from ...protocols.messages.messages import Vector6
 from ...protocols.messages.perception import RigMotion
 from ...protocols.messages.rig import FARTHEST, ArmTruth, BeamTruth, RigFault, RigTruth, vector_of
+from ..bus import Frame
 from ..kinds import KINDS as DEVICES
 from .faults import Faults
 from .nodes.drive_loops import DriveLoops
@@ -124,23 +125,23 @@ class Rig:
         else:
             select.select(descriptors, [], [], seconds)
 
-    def receive(self) -> tuple[Wire, can.Message] | None:
+    def receive(self) -> tuple[Wire, Frame] | None:
         """Return the oldest frame that waits, and its bus; None when there is none."""
         if len(self._wires) == 1:
             wire = self._wires[0]
-            message = wire.take()
-            return None if message is None else (wire, message)
+            frame = wire.take()
+            return None if frame is None else (wire, frame)
         stamps = [(stamp, i) for i, w in enumerate(self._wires) if (stamp := w.stamp) is not None]
         if not stamps:
             return None
         wire = self._wires[min(stamps)[1]]
-        message = wire.take()
-        return None if message is None else (wire, message)
+        frame = wire.take()
+        return None if frame is None else (wire, frame)
 
-    def handle(self, wire: Wire, message: can.Message, ahead_s: float = 0.0) -> None:
+    def handle(self, wire: Wire, frame: Frame, ahead_s: float = 0.0) -> None:
         """Handle a frame that was sent `ahead_s` after the newest step [s]."""
         self.world.ahead_s = ahead_s
-        wire.deliver(message.arbitration_id, bytes(message.data))
+        wire.deliver(frame[0], frame[1])
         if wire.sync_count > self.sync_count:  # on the first bus that it came on
             self.sync_count = wire.sync_count
             self.sync_stamps.append(self.time_s + ahead_s)

@@ -6,13 +6,21 @@ import shutil
 import socket
 import subprocess
 from collections.abc import Iterator
+from typing import Any
 
 import can
 import msgpack
 import pytest
 from telerobot.config.schema.bus import BusSection
 from telerobot.drivers import bus as buses
-from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus, can_interfaces, open_bus
+from telerobot.drivers.bus import (
+    Hub,
+    InProcessBus,
+    LoopbackBus,
+    can_interfaces,
+    frame_of,
+    open_bus,
+)
 from telerobot.drivers.device import DeviceError
 
 IP_MULTICAST_ALL = 49
@@ -116,6 +124,46 @@ def test_frames_of_every_kind_come_as_they_were_sent(
         heard = b.recv(2.0)
         assert heard is not None
         assert heard.equals(sent, timestamp_delta=None)
+
+
+@pytest.mark.parametrize("can_id", [0x000, 0x07F, 0x080, 0x0FF, 0x100, 0x205, 0x7FF])
+@pytest.mark.parametrize("data", [b"", b"\x01\x02\x03\x04\x05\x06", bytes(8)])
+def test_the_quick_way_carries_the_same_datagrams(
+    pair: tuple[LoopbackBus, LoopbackBus], can_id: int, data: bytes
+) -> None:
+    a, b = pair
+    for _ in range(2):  # the first one of an identifier is looked into, later ones are known
+        a.send(frame(can_id, data))
+        datagram = b.receiver.recv(100)
+        a.put(can_id, data)
+        assert b.receiver.recv(100) == datagram
+        a.put(can_id, data)
+        heard = b.recv(2.0)
+        assert heard is not None
+        assert heard.equals(frame(can_id, data), timestamp_delta=None)
+        a.put(can_id, data)
+        taken = b.take(2.0)
+        assert taken is not None
+        assert taken[:2] == (can_id, data)
+        assert taken[2] > 1e9
+    assert b.take() is None
+
+
+def test_the_quick_way_marks_what_is_no_standard_data_frame(
+    pair: tuple[LoopbackBus, LoopbackBus],
+) -> None:
+    a, b = pair
+    kinds = {1 << 31: "is_extended_id", 1 << 30: "is_remote_frame", 1 << 29: "is_error_frame"}
+    a.put(0x123, bytes(8))
+    assert b.take(2.0) is not None
+    for flag, kind in kinds.items():
+        of: dict[str, Any] = {"is_extended_id": False, kind: True}
+        of |= {"dlc": 8} if kind == "is_remote_frame" else {"data": bytes(8)}
+        sent = can.Message(arbitration_id=0x123, **of)
+        a.send(sent)
+        taken = b.take(2.0)
+        assert taken is not None
+        assert taken[:2] == (0x123 | flag, bytes(8)) == frame_of(sent)[:2]
 
 
 def test_stamps_are_the_kernels_and_follow_the_order_of_sending(

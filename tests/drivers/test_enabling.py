@@ -12,6 +12,7 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.io import INPUT_EDS, SimulatedSwitch
 from telerobot.drivers.rig.nodes.node import NodeLink
+from telerobot.drivers.rig.nodes.wire import Wire
 from telerobot.protocols.canopen import cia401
 from telerobot.protocols.canopen.can301 import FrameError
 from telerobot.protocols.messages.rig import RigFault
@@ -25,7 +26,7 @@ def bench():
     found, hub = SimpleNamespace(now=0.0), Hub()
     config = EnablingSwitchSection(node=NODE, inputs=(2, 5))
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
-    link = NodeLink(bus, lambda: found.now, np.random.default_rng(1))
+    link = NodeLink(Wire("bus", bus), lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
     found.driver = EnablingInput(
         found.fieldbus, config, TimingSection(), INPUT_EDS, "enabling_switch"

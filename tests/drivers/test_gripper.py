@@ -14,6 +14,7 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.io import SimulatedGripper
 from telerobot.drivers.rig.nodes.node import NodeLink
+from telerobot.drivers.rig.nodes.wire import Wire
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import NmtCommand, NmtState
 from telerobot.protocols.canopen.cia401 import pack_outputs
@@ -41,7 +42,7 @@ def make(hub, closed):
     config = GripperSection(node=NODE, output=OUTPUT, closed=closed)
     clock = lambda: found.now  # noqa: E731
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
-    link = NodeLink(bus, clock, np.random.default_rng(1))
+    link = NodeLink(Wire("bus", bus), clock, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), clock)
     found.driver = GripperOutput(found.fieldbus, config, TimingSection(), EDS)
     found.node = SimulatedGripper(config, link, found.grasps.append, clock)

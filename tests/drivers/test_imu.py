@@ -13,6 +13,7 @@ from telerobot.drivers.device import Cause, DeviceError
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.rig.nodes.node import NodeLink
 from telerobot.drivers.rig.nodes.sensors import IMU_EDS, SimulatedImu
+from telerobot.drivers.rig.nodes.wire import Wire
 from telerobot.protocols.messages.rig import RigFault
 
 NODE = 50
@@ -25,7 +26,7 @@ def bench_of(config):
     """Return a driver and the node that it hears; `felt` and `turned` are the link's motion."""
     found, hub = SimpleNamespace(now=0.0, felt=FELT, turned=TURNED), Hub()
     bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
-    link = NodeLink(bus, lambda: found.now, np.random.default_rng(1))
+    link = NodeLink(Wire("bus", bus), lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
     found.driver = Imu(found.fieldbus, config, TimingSection(), IMU_EDS, "imu")
     rng = np.random.default_rng(2)

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Protocol, Self
 
-import can
 import numpy as np
 
 from ....config.schema.bus import Entry
@@ -22,9 +21,9 @@ Frame = tuple[int, bytes]
 
 
 class Sender(Protocol):
-    """Sends frames; a bus, or the rig's end of one."""
+    """Sends frames: the rig's end of a bus."""
 
-    def send(self, message: can.Message, /) -> None:
+    def send(self, can_id: int, data: bytes, /) -> None:
         """Send a frame."""
         ...
 
@@ -56,7 +55,7 @@ class NodeLink:
         if self._disturbed:
             self._pass(can_id, data, outward=True)
         else:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+            self._bus.send(can_id, data)
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand the node a frame from the bus, if the faults let it through."""
@@ -107,7 +106,7 @@ class NodeLink:
     def _hand_on(self, frame: Frame, outward: bool) -> None:
         can_id, data = frame
         if outward:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+            self._bus.send(can_id, data)
         else:
             self.on_frame(can_id, data)
 

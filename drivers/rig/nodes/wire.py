@@ -3,7 +3,7 @@
 import can
 
 from ....protocols.canopen import can301
-from ...bus import BusErrors, descriptor_of
+from ...bus import STANDARD, BusErrors, Frame, descriptor_of, putting, taking
 from .canopen import CanNode
 from .node import Node, NodeLink
 
@@ -21,7 +21,8 @@ class Wire:
         self.stranger: int | None = None
         """Node of which somebody else sends the heartbeat, as last heard."""
         self._bus = bus
-        self._next: can.Message | None = None
+        self._put, self._take = putting(bus), taking(bus)
+        self._next: Frame | None = None
         """A frame whose stamp was looked at."""
         self._everyone: tuple[NodeLink, ...] = ()
         self._own_beats: set[int] = set()
@@ -40,12 +41,12 @@ class Wire:
         for can_id in heard:
             self._routes[can_id] = (*self._routes.get(can_id, ()), node.link)
 
-    def send(self, message: can.Message) -> None:
+    def send(self, can_id: int, data: bytes) -> None:
         """Send a node's frame."""
         if not self.plugged:
             return
         try:
-            self._bus.send(message)
+            self._put(can_id, data)
         except BusErrors:
             self.lost += 1  # hardware speaks to nobody, and goes on
 
@@ -59,22 +60,21 @@ class Wire:
         """Stamp of the next data frame that waits on the bus [s], None when there is none."""
         if self._next is None:
             self._next = self.take()
-        return None if self._next is None else self._next.timestamp
+        return None if self._next is None else self._next[2]
 
-    def take(self) -> can.Message | None:
+    def take(self) -> Frame | None:
         """Return the next data frame that waits on the bus, None when there is none."""
-        message, self._next = self._next, None
-        while message is None:
+        frame, self._next = self._next, None
+        while frame is None:
             try:
-                message = self._bus.recv(0)
+                frame = self._take(0.0)
             except BusErrors:
                 return None
-            if message is None:
+            if frame is None:
                 return None
-            odd = message.is_error_frame or message.is_remote_frame or message.is_extended_id
-            if odd or not self.plugged:
-                message = None
-        return message
+            if frame[0] > STANDARD or not self.plugged:
+                frame = None
+        return frame
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand a frame to every node that hears it; one that only nodes of theirs send, to none."""
