@@ -726,19 +726,18 @@ class Commands:
         """Return a tick's inputs as far as operators decide them.
 
         `T_world_mrf` tells where the command has the MRF, in World: it is asked only where
-        something is given in the axes of a frame. What is measured is still to come.
+        something is given in the axes of a frame that the arm carries. What is measured is still to
+        come.
         """
         goals, wrench, command = self.goals, self.wrench, None
         stick, jog, axes = self._stick.newest(now_s), None, None
         if self._jog.message is not None:
             jog = self._jog.newest(now_s)
-        if stick is not None or wrench.frame is not Frame.MRF:
-            tree = self.frames.tree(T_world_mrf())
-            if wrench.frame is not Frame.MRF:
-                axes = tree.pose(wrench.frame).R
-            twist = None if stick is None else self.master.scaled(np.array(stick.twist))
-            if stick is not None and twist is not None:
-                command = StickCommand(twist, tree.pose(stick.expressed_in).R)
+        if wrench.frame is not Frame.MRF:
+            axes = self.frames.axes(wrench.frame, T_world_mrf)
+        twist = None if stick is None else self.master.scaled(np.array(stick.twist))
+        if stick is not None and twist is not None:
+            command = StickCommand(twist, self.frames.axes(stick.expressed_in, T_world_mrf))
         return Inputs(
             now_s,
             Intent.MOVE,

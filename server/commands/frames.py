@@ -10,7 +10,7 @@ from ...config.schema.surroundings import FramesSection
 from ...protocols.messages.messages import Attitude, Frame, PathMotion, Place
 from ...protocols.messages.perception import FrameRequest
 from ..control.inputs import PathGoal, Route, TwistRoute, TwistSegment
-from ..control.scene import Body, FrameTree, Mount, Moved, UnknownFrame
+from ..control.scene import GROUNDS, Body, FrameTree, Mount, Moved, UnknownFrame
 from ..control.spatial import Array, Pose, rotate_twist, rotation_rpy, wrench_to
 from ..refusals import Refused, Why
 
@@ -131,6 +131,14 @@ class FrameSet:
         return FrameTree(
             self.moved, T_world_mrf, self.T_wrist_mrf, self.crf, self._T_wrist_sensor, self.lens()
         )
+
+    def axes(self, frame: Frame, T_world_mrf: Callable[[], Pose]) -> Array:
+        """Return R_world_frame (3, 3); where the MRF is, is asked for frames of the arm only.
+
+        Raises `UnknownFrame`.
+        """
+        stands = frame in (*GROUNDS, Frame.CRF)
+        return self.tree(Pose.identity() if stands else T_world_mrf()).pose(frame).R
 
     def redefine(
         self, request: FrameRequest, tree: FrameTree, judge: Callable[[Pose], None]
