@@ -26,7 +26,16 @@ from .barriers.clearance import BarrierInputs, Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
-from .bodies.rates import NO_LEVER, ArmMeasurement, DesiredRates, JointRates, RateRequest
+from .bodies.rates import (
+    IN_WORLD,
+    NO_LEVER,
+    ON_GROUND,
+    ArmMeasurement,
+    Carrier,
+    DesiredRates,
+    JointRates,
+    RateRequest,
+)
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
@@ -156,7 +165,7 @@ def context_of(
         moving=seen.moving,
         guided=seen.moving and inputs.posture is None and inputs.jog is None,
         k=k,
-        twist=k.J.dot(seen.commanded.motion.dq),
+        twist=k.J.dot(seen.commanded.motion.dq) + seen.below.twist,
         lever=seen.lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
@@ -212,6 +221,37 @@ BODIES: Final = (BackboneArm, WheeledArm, GantryArm, SerialArm)
 
 TOUCHING = 3e-3
 """Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
+
+
+class Led(NamedTuple):
+    """A tool that its task leads: the twist that its body is asked for, and where that is from."""
+
+    request: RateRequest
+    twists: dict[str, Array]
+    twist: Array
+    scale: float
+    limits: tuple[str, ...]
+    whole: Whole
+    stance: Stance
+
+
+class Question(NamedTuple):
+    """What a task asks for, before it is known what of that the arm's own joints do."""
+
+    memory: ArmMemory
+    seen: ArmMeasurement
+    asked: Led | DesiredRates
+    """Of the tool, or of joints that are commanded themselves."""
+
+    @property
+    def led_in_world(self) -> bool:
+        """The tool is led, and whatever carries Base shall not carry it along."""
+        return isinstance(self.asked, Led) and self.seen.inputs.ground != "base"
+
+    @property
+    def twist(self) -> Array:
+        """The twist (6,) that the tool is to have; zero of joints that are commanded themselves."""
+        return self.asked.request.twist if isinstance(self.asked, Led) else NO_TWIST
 
 
 class Arm:
@@ -276,6 +316,16 @@ class Arm:
         self, memory: ArmMemory, commanded: Commanded, inputs: Inputs
     ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
         """Return what the task asks of the joints, and what that was computed from."""
+        return self.answer(self.ask(memory, commanded, inputs))
+
+    def ask(
+        self,
+        memory: ArmMemory,
+        commanded: Commanded,
+        inputs: Inputs,
+        carrier: Carrier = IN_WORLD,
+    ) -> "Question":
+        """Return what the task asks of the tool, or of the joints where they are commanded."""
         moved = inputs.moved
         self.body.prepare(inputs.settings)
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -302,9 +352,10 @@ class Arm:
         if task.held is not None:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
             held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
+        below = ON_GROUND if carrier is IN_WORLD else carrier.below(k.T_world_mrf.p)
         seen = ArmMeasurement(
             inputs, k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded,
-            lever, wrench, hand, held, placed, near, base,
+            lever, wrench, hand, held, placed, near, base, below,
         )  # fmt: skip
         context = context_of(task.off_path, wrist, seen, self.wrist)
         whole = self._whole(seen, objectives)
@@ -324,24 +375,30 @@ class Arm:
             by_hand=memory.by_hand,
             settled=settled,
         )
-        asked = self.resolved(twists, request, whole, stance)
-        asked = self._coming_back(seen, asked)
+        memory = evolve(
+            memory, wrist=wrist, task=task, objectives=objectives, moving_since_s=since_s, near=near
+        )
+        return Question(memory, seen, self.led(twists, request, whole, stance))
+
+    def answer(
+        self, question: "Question", carried: Array = NO_TWIST
+    ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
+        """Return what of a question is asked of the joints, as `solve` does.
+
+        Others carry the tool at a twist `carried` (6,), which the joints need not do.
+        """
+        memory, seen, led = question
+        inputs = seen.inputs
+        asked = self._coming_back(
+            seen, led if isinstance(led, DesiredRates) else self._resolved(led, carried)
+        )
         if inputs.beside.sweep is not None:
             asked = asked._replace(dq=swept(asked.dq, inputs))
         retreat, asked = self._giving_way(memory, seen, asked)
         share = self.body.wall_scale(asked.found, seen, asked.dq)
         if share < 1.0:
             asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
-        memory = evolve(
-            memory,
-            wrist=wrist,
-            task=task,
-            objectives=objectives,
-            moving_since_s=since_s,
-            near=near,
-            retreat=retreat,
-            insertion=asked.found.insertion,
-        )
+        memory = evolve(memory, retreat=retreat, insertion=asked.found.insertion)
         return memory, seen, asked
 
     # --- gains -------------------------------------------------------------------------------
@@ -385,6 +442,16 @@ class Arm:
         `request` says all but the twist. `whole` is what objectives have to be taken as it is,
         `stance` how the arm meets what comes.
         """
+        led = self.led(twists, request, whole, stance)
+        return led if isinstance(led, DesiredRates) else self._resolved(led)
+
+    def led(
+        self, twists: dict[str, Array], request: RateRequest, whole: Whole, stance: Stance
+    ) -> "Led | DesiredRates":
+        """Return the sum of the sources' twists, or joint rates where those are commanded.
+
+        Arguments as those of `resolved`.
+        """
         seen, inputs = request.seen, request.seen.inputs
         twist, k, q = summed(twists), seen.kinematics, seen.commanded.motion.q
         left = twist if whole is IDLE else whole.left(twists)
@@ -427,11 +494,21 @@ class Arm:
         request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
         if request.led_by_hand:
             request = self._led_by_hand(request, k.J)
+        return Led(request, twists, twist, s_tool, limits, whole, stance)
+
+    def _resolved(self, led: "Led", carried: Array = NO_TWIST) -> DesiredRates:
+        """Resolve a twist less what others carry the tool at (6,)."""
+        request, twists, twist, s_tool, limits, whole, stance = led
+        seen = request.seen
+        inputs, k, held = seen.inputs, seen.kinematics, seen.held
+        if carried is not NO_TWIST:
+            kept = carried if held is None else held.part(carried)
+            request = request._replace(twist=request.twist - kept)
         found = self.body.rates(request)
         dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
         if held is not None:
             # Self-motion moves the tool along axes that are free.
-            share = self.tool_share(k.J @ dq, inputs.settings.speed_factor)
+            share = self.tool_share(k.J @ dq + carried, inputs.settings.speed_factor)
             if share < 1.0:
                 dq, s_tool, limits = share * dq, share * s_tool, (*limits, "tool_speed")
         limits += found.limits
@@ -588,8 +665,10 @@ class Arm:
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
         path = self.body.path(seen.kinematics, seen.inputs.ground == "base")
+        if seen.below is not ON_GROUND and (asked.by_joint or seen.inputs.ground == "base"):
+            path = seen.kinematics.J
         if asked.held is not None:
-            path = asked.held.keep @ (seen.kinematics.J if path is None else path)
+            path = asked.held.keep @ (seen.whole(slice(0))[0] if path is None else path)
         return BarrierInputs(
             desired=asked,
             seen=seen,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..joints import Joints, joined, parts_of
+from ..scene import Index
 from ..spatial import Array
 from .clearance import (
     BarrierInputs,
@@ -68,10 +69,12 @@ class ConstraintSet:
         period_s: float,
         length: float,
         guard: CollisionConstraint | None = None,
+        trees: Sequence[Index] = (),
     ) -> None:
         """Build it for the joints of each mechanism; rotations weigh `length` [m/rad].
 
-        `guard` keeps clearances.
+        `guard` keeps clearances. `trees` are the mechanisms that share joints, of each the one
+        that has these first.
         """
         self._names = tuple(arm.names for arm in joints)
         self._velocities = tuple(arm.velocity for arm in joints)
@@ -83,6 +86,7 @@ class ConstraintSet:
         """Where each mechanism's joints are among all."""
         self._counts = [arm.n for arm in joints]
         self._tool = np.repeat(np.arange(len(joints)), self._counts)
+        self._trees = tuple(trees)
 
     def nearest(
         self,
@@ -104,14 +108,15 @@ class ConstraintSet:
             limits.append(b.limits)
             beyond = beyond or b.rates.beyond
         dq = joined(each)
-        if links:
-            dq, shares, links = in_step(dq, self._counts, shares, shares, links)
+        groups = (*self._trees, *[link.tools for link in links])
+        if groups:
+            dq, shares, links = in_step(dq, self._counts, shares, shares, groups, links)
         watch, rows, broken, made_way = None, None, None, [False] * len(arms)
         if guard is not None and settings.avoid:
             watch = guard.watch(arms, around, dq)
             beside = guard.tool_shares(watch)
-            if links and min(beside) < 1.0:
-                _, beside, links = in_step(dq, self._counts, beside, beside, links)
+            if groups and min(beside) < 1.0:
+                _, beside, links = in_step(dq, self._counts, beside, beside, groups, links)
             for i, slow in enumerate(beside):
                 if slow < 1.0:
                     dq = _slowed(dq, self.parts[i], slow)
@@ -127,10 +132,10 @@ class ConstraintSet:
                 beyond = True
         paces = list(shares)
         if links and not beyond:
-            J = joined([arm.seen.kinematics.J for arm in arms], axis=1)
-            beyond = pulled_apart(J, self._tool, dq, ATTITUDE * self._length, links)
+            J = self._tools(arms)
+            beyond = pulled_apart(J, dq, ATTITUDE * self._length, links)
         if beyond:
-            J = joined([a.seen.kinematics.J if a.path is None else a.path for a in arms], axis=1)
+            J = self._tools(arms, of_paths=True)
             low = joined([b.rates.low for b in bounded])
             high = joined([b.rates.high for b in bounded])
             V = factor * self._velocity
@@ -155,13 +160,24 @@ class ConstraintSet:
             dq = found.dq
             if guard is not None and watch is not None and any(made_way):
                 dq = guard.slowed_to_limit(watch, dq)
-            shares, paces = least_of(links, shares), least_of(links, paces)
-        allowed = self._held_up(arms, dq, shares, paces, limits, rows, links)
+            tools = [link.tools for link in links]
+            shares, paces = least_of(tools, shares), least_of(tools, paces)
+        allowed = self._held_up(arms, dq, shares, paces, limits, rows, groups)
         if any(made_way):
             allowed = tuple(a._replace(made_way=m) for a, m in zip(allowed, made_way, strict=True))
         if guard is None or watch is None or broken is None:
             return allowed, Clear()
         return allowed, Clear(watch, guard.shown(watch, broken))
+
+    def _tools(self, arms: Sequence[BarrierInputs], *, of_paths: bool = False) -> Array:
+        """Return the Jacobians (t, 6, n) of the tools, or of their paths."""
+        J = np.zeros((len(arms), 6, len(self._tool)))
+        for i, (arm, part) in enumerate(zip(arms, self.parts, strict=True)):
+            own, joints = arm.seen.whole(part)
+            if of_paths and arm.path is not None:
+                own = arm.path
+            J[i][:, joints if own.shape[1] > self._counts[i] else part] = own
+        return J
 
     def _bounded(self, i: int, arm: BarrierInputs, factor: float) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
@@ -191,7 +207,7 @@ class ConstraintSet:
         paces: list[float],
         limits: list[tuple[str, ...]],
         rows: Rows | None,
-        links: Sequence[PayloadLink],
+        groups: Sequence[Index],
     ) -> tuple[Allowed, ...]:
         """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
         left, memories = [], []
@@ -212,7 +228,7 @@ class ConstraintSet:
             if rows is not None:
                 # A barrier between two may be kept by one that makes way for the other.
                 left = [least] * len(left)
-            left = least_of(links, left)
+            left = least_of(groups, left)
             dq = np.repeat(left, self._counts) * dq
         if len(arms) == 1:
             return (Allowed(dq, least * shares[0], limits[0], least * paces[0], memories[0]),)

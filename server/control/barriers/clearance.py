@@ -457,7 +457,8 @@ class BarrierInputs(NamedTuple):
     motion_commanded: bool = True
     """Somebody tells the arm to move."""
     path: Array | None = None
-    """Jacobian (6, n) of the motion that a tool on a driven base keeps; None: the tool's own."""
+    """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
+    in all that move the tool; None: the tool's own."""
 
 
 class Surroundings(NamedTuple):
@@ -519,7 +520,10 @@ class CollisionConstraint:
         factor = around.inputs.settings.speed_factor
         fastest, speeds, rates = np.empty(len(asked)), [], []
         for arm, part in zip(arms, self._parts, strict=True):
-            speed, rate = _ask(arm.seen.kinematics.J, asked[part], dq[part], fastest[part])
+            J, joints = arm.seen.whole(part)
+            own = np.empty(J.shape[1])
+            speed, rate = _ask(J, asked[joints], dq[joints], own)
+            fastest[joints] = own
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
@@ -538,8 +542,8 @@ class CollisionConstraint:
         gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
         rows = []
         for arm, part, walls in zip(arms, self._parts, self.walls, strict=True):
-            k = arm.seen.kinematics
-            walled = walls.around(_whole(k.J, part, len(q)), k.T_world_mrf.p)
+            tool = _whole(*arm.seen.whole(part), len(q))
+            walled = walls.around(tool, arm.seen.kinematics.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
         return ProximityQuery(arms, around, sight, Rows.of_all(rows), tuple(speeds), coming)
@@ -572,7 +576,8 @@ class CollisionConstraint:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
         share, factor = 1.0, watch.around.inputs.settings.speed_factor
         for arm, part, asked in zip(watch.arms, self._parts, watch.speeds, strict=True):
-            speed = float(np.linalg.norm(arm.seen.kinematics.J[:3] @ dq[part]))
+            J, joints = arm.seen.whole(part)
+            speed = float(np.linalg.norm(J[:3] @ dq[joints]))
             most = max(asked, factor * self._speed)
             share = min(share, most / max(speed, 1e-12))
         return dq if share >= 1.0 else share * dq
@@ -615,7 +620,7 @@ def _arm_of(moves: Flags, counts: Sequence[int]) -> Index:
     return found
 
 
-def _whole(own: Array, part: slice, n: int) -> Array:
+def _whole(own: Array, part: slice | Index, n: int) -> Array:
     """Return the Jacobian in all joints (6, n) of a tool that some of them move."""
     if own.shape[1] == n:
         return own

@@ -27,7 +27,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
+from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..scene import Index
 from ..spatial import Array
 from ..wheels import DrivenWheels
@@ -104,8 +104,9 @@ def nearest(
 ) -> NearestRates:
     """Return the rates nearest to dq (n,) with low ≤ dq ≤ high (n,) [rad/s].
 
-    `tool` (n,) tells which of t tools each joint moves, all the same one if None; the columns of
-    J (6, n) are that tool's Jacobian. `velocity` (n,) are the joint speed bounds; `rows` are
+    `tool` (n,) tells whose own each joint is, of t tools, all the same one's if None. J (t, 6, n)
+    are the tools' Jacobians, or (6, n) where no joint moves another tool than its own: then each
+    column is that tool's. `velocity` (n,) are the joint speed bounds; `rows` are
     A (m, n) and b (m,) of further barriers A dq ≥ b. Those of which less is `kept` (m,), 0 at most
     and min(b, 0) if None, are to be widened, at the cost `widen` of each tool (t,). `links` are
     tools on one payload. Of driven `wheels`, by the places of the left ones, each pair keeps its
@@ -113,6 +114,7 @@ def nearest(
     """
     n = len(dq)
     tool = np.zeros(n, dtype=np.int64) if tool is None else tool
+    J = J if J.ndim == 3 else of_tools(J, tool)
     slopes, least = rows if rows is not None else (np.zeros((0, n)), np.zeros(0))
     if wheels:
         led = DrivenWheels.of(dq, low, high, wheels)
@@ -128,7 +130,7 @@ def nearest(
         dq, J, tool, low, high, velocity, slopes, least, hard, costs, length
     )
     for link in links:
-        H, f = keep(H, f, J, tool, link.tools, link.give_way, length)
+        H, f = keep(H, f, J, link.tools, link.give_way, length)
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     wrong = violation(slopes, hard, found[:n])
     if math.isnan(found.sum()) or math.isnan(low.sum() - high.sum()):  # no bound to the solver
@@ -151,7 +153,14 @@ def nearest(
                     fallback = "barriers_slow"
     for link in links:
         found[n + link.tools] = found[n + link.tools[0]]
-    return NearestRates(*_granted(found, dq, J, tool, low, high, length), fallback)
+    return NearestRates(*_granted(found, dq, J, low, high, length), fallback)
+
+
+def of_tools(J: Array, tool: Index) -> Array:
+    """Return the Jacobians (t, 6, n) of tools, given those (6, n) of each joint's own `tool`."""
+    found = np.zeros((int(tool.max()) + 1, 6, len(tool)))
+    found[tool, :, np.arange(len(tool))] = J.T
+    return found
 
 
 def _check_finite(**arguments: Array) -> None:
@@ -160,7 +169,7 @@ def _check_finite(**arguments: Array) -> None:
             raise BarrierError(f"{name} is not finite: {values}")
 
 
-@compiled(VECTOR, MATRIX, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
+@compiled(VECTOR, ARRAY3, INDEX, VECTOR, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
 def _programme(
     dq: Array, J: Array, tool: Index, low: Array, high: Array, velocity: Array, slopes: Array,
     least: Array, kept: Array, costs: Array, length: float,
@@ -183,23 +192,27 @@ def _programme(
     size, count = slack + wide, m + wide
     H, f, A = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     x = np.zeros((tools, 6))
-    for r in range(6):
-        for j in range(n):
-            x[tool[j], r] += J[r, j] * dq[j]
+    for t in range(tools):
+        for r in range(6):
+            for j in range(n):
+                x[t, r] += J[t, r, j] * dq[j]
     slow, asked = np.full(tools, 1e-9), np.zeros(tools)
     for j in range(n):
-        own, t = SELF_MOTION / velocity[j] ** 2, tool[j]
+        own = SELF_MOTION / velocity[j] ** 2
         H[j, j] = own
-        cross = own * dq[j]
-        slow[t] += own * dq[j] ** 2
-        asked[t] += own * dq[j] ** 2
-        for r in range(6):
-            weighed = LEAVE_PATH * J[r, j] * (1.0 if r < 3 else length**2)
-            cross += weighed * x[t, r]
-            for k in range(n):
-                if tool[k] == t:
-                    H[j, k] += weighed * J[r, k]
-        H[j, n + t] = H[n + t, j] = -cross
+        slow[tool[j]] += own * dq[j] ** 2
+        asked[tool[j]] += own * dq[j] ** 2
+        for t in range(tools):
+            cross = own * dq[j] if t == tool[j] else 0.0
+            for r in range(6):
+                weighed = LEAVE_PATH * J[t, r, j] * (1.0 if r < 3 else length**2)
+                if weighed == 0.0:
+                    continue
+                cross += weighed * x[t, r]
+                for k in range(n):
+                    H[j, k] += weighed * J[t, r, k]
+            if cross != 0.0:
+                H[j, n + t] = H[n + t, j] = -cross
     for t in range(tools):
         for r in range(6):
             x2 = x[t, r] ** 2 * (1.0 if r < 3 else length**2)
@@ -238,30 +251,29 @@ def _programme(
 
 
 @inner_kernel
-def _weighed(J: Array, tool: Index, dq: Array, t: int, length: float) -> float:
+def _weighed(J: Array, dq: Array, t: int, length: float) -> float:
     """Return the size of one tool's motion, rotations weighed by `length` [m/rad]."""
     size2 = 0.0
     for r in range(6):
         rate = 0.0
         for j in range(len(dq)):
-            if tool[j] == t:
-                rate += J[r, j] * dq[j]
+            rate += J[t, r, j] * dq[j]
         size2 += rate**2 * (1.0 if r < 3 else length**2)
     return math.sqrt(size2)
 
 
-@compiled(VECTOR, VECTOR, MATRIX, INDEX, VECTOR, VECTOR, NUMBER)
+@compiled(VECTOR, VECTOR, ARRAY3, VECTOR, VECTOR, NUMBER)
 def _granted(
-    solution: Array, dq: Array, J: Array, tool: Index, low: Array, high: Array, length: float
+    solution: Array, dq: Array, J: Array, low: Array, high: Array, length: float
 ) -> tuple[Array, Array, Array]:
     """Return what `NearestRates` holds, by the unknowns that solve the programme."""
-    n, tools = len(dq), tool.max() + 1
+    n, tools = len(dq), len(J)
     found, share, pace = np.empty(n), np.empty(tools), np.empty(tools)
     for j in range(n):
         found[j] = min(max(solution[j], low[j]), high[j])
     for t in range(tools):
         pace[t] = share[t] = solution[n + t]
-        asked, left = _weighed(J, tool, dq, t, length), _weighed(J, tool, found, t, length)
+        asked, left = _weighed(J, dq, t, length), _weighed(J, found, t, length)
         if asked >= UNASKED:
             share[t] = min(pace[t], left / asked)
     return found, share, pace

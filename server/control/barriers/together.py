@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
+from ..compiled import ARRAY3, INDEX, MATRIX, NUMBER, VECTOR, compiled, inner_kernel
 from ..scene import Index
 from ..spatial import Array
 
@@ -30,14 +30,17 @@ class PayloadLink(NamedTuple):
     """The twist (k, 6) of the MRF that force control asks each one for beside the common one."""
 
 
-def least_of(links: Sequence[PayloadLink], values: list[float]) -> list[float]:
-    """Return values, one for each tool, with the least of those on one payload for all of them."""
-    if not links:
+def least_of(groups: Sequence[Index], values: list[float]) -> list[float]:
+    """Return values, one for each tool, with the least of each group's for all of them.
+
+    Groups are of tools on one payload, or of arms that share joints.
+    """
+    if not groups:
         return values
     found = list(values)
-    for link in links:
-        least = min(values[t] for t in link.tools)
-        for t in link.tools:
+    for group in groups:
+        least = min(values[t] for t in group)
+        for t in group:
             found[t] = least
     return found
 
@@ -47,36 +50,36 @@ def in_step(
     counts: Sequence[int],
     done: Sequence[float],
     shares: list[float],
+    groups: Sequence[Index],
     links: Sequence[PayloadLink],
 ) -> tuple[Array, list[float], list[PayloadLink]]:
-    """Return rates dq (n,) of which arms on one payload are slowed as the slowest of them.
+    """Return rates dq (n,) of which the arms of a group are slowed as the slowest of them.
 
     Each has so many joints as `counts` tells, was slowed to a share `done` of what was asked, and
     is to be to one of `shares`. And the shares, and links that ask for so much less.
     """
-    least = least_of(links, shares)
+    least = least_of(groups, shares)
     slower = [new / max(old, 1e-12) for new, old in zip(least, done, strict=True)]
     found = [link._replace(give_way=least[link.tools[0]] * link.give_way) for link in links]
     return np.repeat(slower, counts) * dq, least, found
 
 
-def pulled_apart(
-    J: Array, tool: Index, dq: Array, length: float, links: Sequence[PayloadLink]
-) -> bool:
-    """Return whether rates dq (n,) pull a payload apart, as where one arm is singular."""
-    return any(apart(J, tool, link.tools, link.give_way, dq, length) > AGREED for link in links)
+def pulled_apart(J: Array, dq: Array, length: float, links: Sequence[PayloadLink]) -> bool:
+    """Return whether rates dq (n,) pull a payload apart, as where one arm is singular.
+
+    J (t, 6, n) are the tools' Jacobians.
+    """
+    return any(apart(J, link.tools, link.give_way, dq, length) > AGREED for link in links)
 
 
 @inner_kernel
-def _rows(
-    J: Array, tool: Index, tools: Index, give_way: Array, length: float
-) -> tuple[Array, Array]:
+def _rows(J: Array, tools: Index, give_way: Array, length: float) -> tuple[Array, Array]:
     """Return A (6k, n) and b (6k,): A dq − b is how the tools' motions differ from their mean.
 
-    Less what force control asks for; rotations weighed by `length` [m/rad]. The columns of J (6, n)
-    are those of the joint's own `tool` (n,).
+    Less what force control asks for; rotations weighed by `length` [m/rad]. J (t, 6, n) are the
+    Jacobians of all tools.
     """
-    k, n = len(tools), len(tool)
+    k, n = len(tools), J.shape[2]
     A, b = np.zeros((6 * k, n)), np.zeros(6 * k)
     for r in range(6):
         weight = 1.0 if r < 3 else length
@@ -86,18 +89,16 @@ def _rows(
         for m in range(k):
             b[6 * m + r] = weight * (give_way[m, r] - mean)
             for j in range(n):
-                part = 0.0
                 for other in range(k):
-                    if tool[j] == tools[other]:
-                        part = (1.0 if other == m else 0.0) - 1.0 / k
-                A[6 * m + r, j] = weight * part * J[r, j]
+                    part = (1.0 if other == m else 0.0) - 1.0 / k
+                    A[6 * m + r, j] += weight * part * J[tools[other], r, j]
     return A, b
 
 
-@compiled(MATRIX, INDEX, INDEX, MATRIX, VECTOR, NUMBER)
-def apart(J: Array, tool: Index, tools: Index, give_way: Array, dq: Array, length: float) -> float:
+@compiled(ARRAY3, INDEX, MATRIX, VECTOR, NUMBER)
+def apart(J: Array, tools: Index, give_way: Array, dq: Array, length: float) -> float:
     """Return the greatest relative rate of tools on one payload at rates dq (n,) [m/s]."""
-    A, b = _rows(J, tool, tools, give_way, length)
+    A, b = _rows(J, tools, give_way, length)
     most = 0.0
     for i in range(len(b)):
         rate = -b[i]
@@ -107,17 +108,17 @@ def apart(J: Array, tool: Index, tools: Index, give_way: Array, dq: Array, lengt
     return most
 
 
-@compiled(MATRIX, VECTOR, MATRIX, INDEX, INDEX, MATRIX, NUMBER)
+@compiled(MATRIX, VECTOR, ARRAY3, INDEX, MATRIX, NUMBER)
 def keep(
-    H: Array, f: Array, J: Array, tool: Index, tools: Index, give_way: Array, length: float
+    H: Array, f: Array, J: Array, tools: Index, give_way: Array, length: float
 ) -> tuple[Array, Array]:
     """Return a programme's H and f with the cost of pulling a payload apart, and one share.
 
     Its unknowns are the joint rates (n,), then one share for each tool; the first of `tools` (k,)
     keeps theirs, those of the others are idle.
     """
-    n, H, f = len(tool), H.copy(), f.copy()
-    A, b = _rows(J, tool, tools, give_way, length)
+    n, H, f = J.shape[2], H.copy(), f.copy()
+    A, b = _rows(J, tools, give_way, length)
     for i in range(len(b)):
         for j in range(n):
             weighed = PULL_APART * A[i, j]

@@ -11,7 +11,8 @@ from ..inputs import Inputs, Intent, ObjectiveGains
 from ..mechanism.redundancy import FieldReading, Near, SelfMotion
 from ..mechanism.self_motion import IDLE, HandState
 from ..proximity.capsules import Placed
-from ..spatial import NO_TWIST, Array, Kinematics, Pose
+from ..scene import Index
+from ..spatial import NO_TWIST, Array, Kinematics, Pose, jacobian_at
 from ..stop.limiter import Commanded
 
 NO_LEVER: Final = np.zeros(3)
@@ -52,6 +53,40 @@ class Insertion(NamedTuple):
         return None if self.following is None else self.following.locked
 
 
+class Below(NamedTuple):
+    """Joints that move an arm's Base: those of the torso that it stands on."""
+
+    joints: slice = slice(0, 0)
+    """Where they are among the cell's; none for an arm that stands in World."""
+    J: Array = np.zeros((6, 0))
+    """By which they move the arm's MRF (6, k)."""
+    twist: Array = NO_TWIST
+    """At which they are told to move it now (6,) [m/s, rad/s]."""
+
+
+class Carrier(NamedTuple):
+    """The torso that an arm stands on."""
+
+    joints: slice
+    """Where its joints are among the cell's."""
+    p: Array
+    """A point (3,) that moves with what it carries, in World [m]."""
+    J: Array
+    """Jacobian of that point (6, k)."""
+    dq: Array
+    """At what rates its joints are told to move now (k,) [rad/s]."""
+
+    def below(self, p: Array) -> Below:
+        """Return how its joints move a point p (3,) that it carries."""
+        J = jacobian_at(self.J, p - self.p)
+        return Below(self.joints, J, J @ self.dq)
+
+
+IN_WORLD: Final = Carrier(slice(0, 0), NO_LEVER, np.zeros((6, 0)), np.zeros(0))
+"""What an arm stands on that stands in World."""
+ON_GROUND: Final = Below()
+
+
 class ArmMeasurement(NamedTuple):
     """What one arm is given in a tick: its inputs, where it is, what it exerts, what is near."""
 
@@ -78,6 +113,18 @@ class ArmMeasurement(NamedTuple):
     """Obstacles near its control points; None in a cell without any."""
     T_world_base: Pose | None = None
     """Where a Base that moves is; None: Base stands."""
+    below: Below = ON_GROUND
+    """Joints that move Base, of what it stands on."""
+
+    def whole(self, part: slice) -> tuple[Array, slice | Index]:
+        """Return the tool's Jacobian (6, m) in all joints that move it, and where those are.
+
+        The arm's own are a `part` of the cell's.
+        """
+        if self.below is ON_GROUND:
+            return self.kinematics.J, part
+        J, joints = np.concatenate((self.below.J, self.kinematics.J), axis=1), self.below.joints
+        return J, np.r_[joints, part]
 
     @property
     def moving(self) -> bool:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from telerobot.server.control.barriers import programme as nearest_module
-from telerobot.server.control.barriers.programme import ATTITUDE, SLIDE, nearest
+from telerobot.server.control.barriers.programme import ATTITUDE, SLIDE, nearest, of_tools
 from telerobot.server.control.barriers.together import PayloadLink
 
 L = 0.3
@@ -150,7 +150,19 @@ def test_the_programme_has_the_costs_that_are_stated(rng, tool):
     low, high, slopes = -V, V, rng.normal(size=(3, n))
     least = np.array([-0.2, 0.01, -0.1])
     costs = rng.uniform(1.0, 1e4, tools)
-    posed = (dq, J, tool, low, high, V, slopes, least, np.minimum(least, 0.0), costs, length)
+    posed = (
+        dq,
+        of_tools(J, tool),
+        tool,
+        low,
+        high,
+        V,
+        slopes,
+        least,
+        np.minimum(least, 0.0),
+        costs,
+        length,
+    )
     H, f, A, upper, lower, sense = nearest_module._programme(*posed)
     weight = np.diag([1.0] * 3 + [length] * 3)
     for _ in range(10):
@@ -203,7 +215,7 @@ def test_barriers_are_soft_only_where_a_joint_is_led_back(rng, side):
     least = np.array([-0.2, 0.01, -0.1])
     tool, kept = np.zeros(n, dtype=np.int64), np.minimum(least, 0.0)
     *_, sense = nearest_module._programme(
-        dq, J, tool, low, high, V, slopes, least, kept, np.ones(1), 0.4
+        dq, of_tools(J, tool), tool, low, high, V, slopes, least, kept, np.ones(1), 0.4
     )
     # The rates, the share and what widening falls short by; three barriers, and the widening.
     np.testing.assert_array_equal(sense, [0] * (n + 2) + [8] * 3 + [0])
@@ -357,8 +369,9 @@ def test_each_gap_is_widened_at_the_least_cost_of_the_tools_that_it_concerns(rng
     ])  # fmt: skip
     least, none = np.array([0.01, 0.02, 0.03, 0.04, 0.0]), np.zeros(5)
     H, f, A, upper, lower, sense = nearest_module._programme(
-        RATE, UNIT, tool, -np.ones(6), np.ones(6), np.ones(6), slopes, least, none, costs, L
-    )
+        RATE, of_tools(UNIT, tool), tool, -np.ones(6), np.ones(6), np.ones(6), slopes, least, none,
+        costs, L,
+    )  # fmt: skip
     # Six rates, three shares, and what each of the four gaps falls short by.
     assert H.shape == (13, 13)
     np.testing.assert_array_equal(np.diag(H)[9:], [30.0, 10.0, 30.0, 20.0])
@@ -377,13 +390,13 @@ def test_each_gap_is_widened_at_the_least_cost_of_the_tools_that_it_concerns(rng
     low, high = -np.ones(6), np.ones(6)
     low[0] = high[1] = 0.0
     *_, sense = nearest_module._programme(
-        RATE, UNIT, tool, low, high, np.ones(6), slopes, least, none, costs, L
+        RATE, of_tools(UNIT, tool), tool, low, high, np.ones(6), slopes, least, none, costs, L
     )
     assert not sense.any()
 
 
 def test_what_is_left_of_a_motion_is_its_size_with_rotations_by_their_length():
-    length, tool = 0.5, np.zeros(6, dtype=np.int64)
+    length, J = 0.5, UNIT[None]
     asked = np.array([0.3, 0.0, -0.4, 0.0, 2.0, 0.0])  # 0.5 m/s and 2 rad/s: √(0.25 + 1)
     for found, size in (
         (np.array([0.3, 0.0, -0.4, 0.0, 0.0, 0.0]), 0.5),
@@ -391,7 +404,7 @@ def test_what_is_left_of_a_motion_is_its_size_with_rotations_by_their_length():
         (np.array([0.0, 0.0, 0.0, 0.4, 0.0, 0.0]), 0.2),
     ):
         granted, share, pace = nearest_module._granted(
-            np.array([*found, 0.95]), asked, UNIT, tool, -np.full(6, 9.0), np.full(6, 9.0), length
+            np.array([*found, 0.95]), asked, J, -np.full(6, 9.0), np.full(6, 9.0), length
         )
         np.testing.assert_array_equal(granted, found)
         assert share == pytest.approx(size / np.sqrt(1.25))
@@ -399,7 +412,7 @@ def test_what_is_left_of_a_motion_is_its_size_with_rotations_by_their_length():
     # Of a motion that is none, the share is the one it may go on at.
     for asked, share_is in ((1e-9, 0.0), (0.9e-9, 0.95)):
         _, share, _ = nearest_module._granted(
-            np.array([0.0] * 6 + [0.95]), asked * np.eye(6)[0], UNIT, tool, -np.full(6, 9.0),
+            np.array([0.0] * 6 + [0.95]), asked * np.eye(6)[0], J, -np.full(6, 9.0),
             np.full(6, 9.0), length,
         )  # fmt: skip
         assert share == share_is
@@ -449,3 +462,34 @@ def test_every_tool_widens_its_gaps_where_nothing_else_is_said():
     both, tool = np.concatenate([UNIT, UNIT], axis=1), np.repeat([0, 1], 6)
     found = nearest(np.zeros(12), both, -np.ones(12), np.ones(12), np.ones(12), L, gap, tool)
     assert found.dq[11] > 0.09
+
+
+def test_a_joint_that_moves_two_tools_and_may_not_move_is_made_up_for_by_the_others_of_both():
+    """Both tools keep their twists; where the programme knows of one alone, it bends the other."""
+    rng, n = np.random.default_rng(4), 16
+    tool, shared = np.repeat([0, 0, 1], [2, 7, 7]), np.arange(n) < 2
+    J = np.zeros((2, 6, n))
+    for t in range(2):
+        J[t][:, shared | (tool == t)] = rng.normal(size=(6, 9))
+    J[1][:, (tool == 0) & ~shared] = 0.0
+    dq, most = 0.05 * rng.normal(size=n), np.full(n, 3.0)
+    high = np.where(shared, 0.0, most)
+    found = nearest(dq, J, -high, high, most, L, None, tool).dq
+    assert not found[shared].any()
+    for own in J:
+        assert own @ found == pytest.approx(own @ dq, rel=0.02, abs=1e-3)
+    alone = J[tool, :, np.arange(n)].T
+    blind = nearest(dq, alone, -high, high, most, L, None, tool).dq
+    assert np.abs(J[1] @ (blind - dq)).max() > 0.02
+
+
+def test_tools_with_joints_of_their_own_may_be_told_by_these_alone():
+    rng, n = np.random.default_rng(7), 14
+    tool, most = np.repeat([0, 1], 7), np.full(14, 3.0)
+    J, dq = rng.normal(size=(6, n)), 0.1 * rng.normal(size=n)
+    low, high = -most, most.copy()
+    high[3] = low[9] = 0.0
+    whole = np.zeros((2, 6, n))
+    whole[0, :, :7], whole[1, :, 7:] = J[:, :7], J[:, 7:]
+    by_columns = nearest(dq, J, low, high, most, L, None, tool)
+    assert (by_columns.dq == nearest(dq, whole, low, high, most, L, None, tool).dq).all()
