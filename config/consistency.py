@@ -8,7 +8,7 @@ from .drives import joint_bounds
 from .errors import ConfigError, nearest
 from .schema.bus import CanOpenNodeSection, Entry
 from .schema.cell import CellConfig
-from .schema.mechanism import DriveSection, ForceTorqueSection, MechanismSection
+from .schema.mechanism import DriveSection, ForceTorqueSection, MechanismSection, TorsoSection
 from .schema.surroundings import CameraSection, RigTagSection
 from .urdf.robot import Robot, UrdfJoint
 
@@ -296,7 +296,63 @@ def _standing(parts: Parts) -> Iterator[str]:
             way.append(below)
         if below is not None:
             yield f"{where}: goes round in a circle: {' on '.join((*way, below))}"
-        yield f"{where}: a mechanism that stands on another one is not supported yet"
+        elif under in on:
+            yield from _on_torso(parts, part, where)
+    for part in parts:
+        if part.config.mechanism.torso is not None:
+            yield from _torso(part, part.config.mechanism.torso)
+
+
+def _on_torso(parts: Parts, part: PartOf, where: str) -> Iterator[str]:
+    """Judge one mechanism that stands on another one."""
+    mechanism, names = part.config.mechanism, [p.config.mechanism.name for p in parts]
+    carrier = parts[names.index(mechanism.on or "")].config.mechanism
+    if carrier.torso is None:
+        yield f"{where}: has no [torso], so that nothing can stand on it"
+    if carrier.on is not None:
+        yield f"{where}: stands on '{carrier.on}' itself: one torso on another is not supported"
+    first, own = names.index(carrier.name), names.index(mechanism.name)
+    between = [p.config.mechanism for p in parts[min(first, own) + 1 : own]]
+    if own < first or any(other.on != carrier.name for other in between):
+        yield (
+            f"{part.place}: value '{mechanism.name}': what stands on '{carrier.name}' comes right "
+            "after it in the file"
+        )
+    for camera in part.config.cameras:
+        if camera.on == "base":
+            yield (
+                f"{part.place}: camera '{camera.name}' is fixed to Base, which '{carrier.name}' "
+                "moves: not supported, give it T_wrist_lens or T_world_lens"
+            )
+    yield from _unable(part, "stands on another")
+
+
+def _torso(part: PartOf, torso: TorsoSection) -> Iterator[str]:
+    """Judge one mechanism that carries others."""
+    count, joints = len(torso.weight), len(part.config.mechanism.drives)
+    if count not in (1, joints):
+        yield f"{part.place}.torso.weight: {count} values for {joints} joints; give one or {joints}"
+    if part.config.mechanism.force_torque is not None:
+        yield f"{part.place}.force_torque: others stand where it measures: leave it out"
+    yield from _unable(part, "carries others")
+
+
+def _unable(part: PartOf, what: str) -> Iterator[str]:
+    """Yield what a mechanism may not have that shares joints with others."""
+    mechanism = part.config.mechanism
+    for key in ("base", "gantry", "backbone", "sweep"):
+        if getattr(mechanism, key) is not None:
+            yield f"{part.place}.{key}: not supported for a mechanism that {what}"
+    if mechanism.operation_mode == "cst":
+        yield (
+            f"{part.place}.operation_mode: value 'cst': the torque law knows the loads of a "
+            f"mechanism alone, and this one {what}: give csp or csv"
+        )
+    if part.config.touch is not None:
+        yield (
+            f"{part.place}.touch: torques are judged by the loads of a mechanism alone, and this "
+            f"one {what}: switch it off, by touch = false"
+        )
 
 
 def _rovers(parts: Parts) -> Iterator[str]:

@@ -24,13 +24,14 @@ from .parts import (
     joint_tables_of,
     on_top,
     parts_of,
+    place_on,
     shared_devices,
     unable_to_share,
 )
 from .schema.bus import Entry
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
-from .schema.section import Section
+from .schema.section import PoseSection, Section
 from .schema.surroundings import CameraSection
 from .toml import read_toml, under, validated
 from .urdf.robot import Robot, UrdfJoint, read_robot, with_sweep, with_wheels
@@ -81,6 +82,13 @@ class Cell:
         if not self.others:
             return (self,)
         return (replace(self, others=(), joint_tasks=()), *self.others)
+
+    @property
+    def carriers(self) -> tuple[int, ...]:
+        """Of each part, the place of the one whose tip link it stands on; -1: it is in World."""
+        names = [part.config.mechanism.name for part in self.parts]
+        under = [part.config.mechanism.on for part in self.parts]
+        return tuple(names.index(on) if on in names else -1 for on in under)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -200,6 +208,7 @@ def load_cell(name_or_path: str | Path) -> Cell:
     parts = [_part(path, part) for part in parts_of(path, document, _whole_cell)]
     if len(parts) > 1:
         parts = [replace(part, prefix=f"{part.config.mechanism.name}.") for part in parts]
+    parts = _on_others(parts)
     joint = [
         (i, validated(path, table, JointTaskSection, partial(under, f"tasks[{i}]")))
         for i, table in joint_tables_of(path, document)
@@ -210,6 +219,29 @@ def load_cell(name_or_path: str | Path) -> Cell:
     rated = {p.config.mechanism.name: p.config.mechanism.rated_payload for p in parts}
     tasks = tuple(task.shared_by(rated) for _, task in joint)
     return _agreed(replace(parts[0], others=tuple(parts[1:]), joint_tasks=tasks))
+
+
+def _on_others(parts: list[Cell]) -> list[Cell]:
+    """Return the parts, with the Base of what stands on another where that stands at `start`.
+
+    What does not fit is `_agreed`'s to tell.
+    """
+    by = {part.config.mechanism.name: part for part in parts}
+    found = []
+    for part in parts:
+        mechanism = part.config.mechanism
+        under = by.get(mechanism.on or "")
+        if under is not None and under.config.mechanism.torso is not None:
+            if "T_world_base" in mechanism.model_fields_set:
+                where = f"{part.path}: {part.place}.T_world_base"
+                raise ConfigError(f"{where}: stands on '{mechanism.on}': give {part.place}.T_on")
+            on = mechanism.T_on or PoseSection()
+            place = place_on(under.config.mechanism, under.robot, on)
+            told = {"mechanism": mechanism.model_copy(update={"T_world_base": place})}
+            found.append(replace(part, config=part.config.model_copy(update=told)))
+        else:
+            found.append(part)
+    return found
 
 
 def _agreed(cell: Cell) -> Cell:

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from .errors import ConfigError, nearest, short
 from .schema.bus import Entry, OnBusSection
 from .schema.cell import CellConfig
 from .schema.joint_task import JointTaskSection
 from .schema.mechanism import MechanismSection
 from .schema.rig import RigSection
-from .schema.section import Section
+from .schema.section import PoseSection, Section
+from .urdf.elements import place_at, pose_of, rpy_of
+from .urdf.robot import Robot
 
 # --- Tasks that several mechanisms of a cell file hold together, and that they fit the mechanisms
 
@@ -58,6 +62,8 @@ def unable_to_share(mechanism: MechanismSection) -> str:
     """Return why a mechanism can hold no payload with others; "" where it can."""
     if mechanism.base is not None:
         return "is on wheels: only arms that stand hold a payload with others"
+    if mechanism.on is not None or mechanism.torso is not None:
+        return "shares joints with others: only arms that stand each on its own hold one together"
     if mechanism.force_torque is None:
         return "has no force_torque sensor to hold a payload by"
     return ""
@@ -259,6 +265,8 @@ def _alike(whole: Whole, entry: Document, path: Path, i: int) -> Document:
     if isinstance(rig, dict):
         found["rig"] = {key: rig[key] for key in OF_ITS_RIG if key in rig}
     found = deepcopy(found)
+    if "on" in entry:
+        found["mechanism"].pop("T_world_base", None)
     if "bus" in entry:
         drives = found["mechanism"].get("drives", [])
         others = found["mechanism"].values()
@@ -330,6 +338,20 @@ def _names(path: Path, key: str, tables: list[Document]) -> list[str]:
             raise ConfigError(f"{path}: {key}[{i}].name: value '{name}': is there already")
         names.append(name)
     return names
+
+
+# --- Mechanisms that stand on others --------------------------------------------------------------
+
+
+def place_on(carrier: MechanismSection, robot: Robot, T_on: PoseSection) -> PoseSection:
+    """Return where a Base on a mechanism's tip link is in World, its joints at `start`."""
+    q = dict(zip([joint.name for joint in robot.joints], carrier.postures["start"], strict=True))
+    tip = place_at(robot.tree(), carrier.tip_link, q)
+    R, p = np.eye(3), np.zeros(3)
+    for R_next, p_next in (pose_of(carrier.T_world_base), tip, pose_of(T_on)):
+        R, p = R @ R_next, p + R @ p_next
+    x, y, z = p.tolist()
+    return PoseSection(xyz=(x, y, z), rpy=rpy_of(R))
 
 
 # --- Devices on a cell's buses: an entry for each, in the order of booting ------------------------

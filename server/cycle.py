@@ -303,6 +303,7 @@ class Cycle:
         if memory is None:
             memory = self._control.seed(q, self.units.held)
         told = memory.commanded.motion.q
+        self.units.stand(memory.commanded.motion, q)
         inputs = [
             unit.inputs(
                 told[unit.joints], self.mode, self.tick, now_s, own, q[unit.joints],

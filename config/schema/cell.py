@@ -5,9 +5,9 @@ One TOML file describes one cell. Unknown keys are errors, numbers are finite, S
 description; `check.py` in the tools judges what a schema cannot see.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from .bus import BusSection, EnablingSwitchSection
 from .mechanism import MechanismSection, TorqueSection, TouchSection
@@ -24,6 +24,11 @@ from .surroundings import (
     ObstacleSection,
     ScannerSection,
 )
+
+
+def _switched_off(value: object) -> object:
+    """Return nothing for a table that is `false`: that of another cell does not come along."""
+    return None if value is False else value
 
 
 class TimingSection(Section):
@@ -163,7 +168,9 @@ class CellConfig(Section):
     potential: PotentialFieldSection = Field(
         default_factory=PotentialFieldSection, description="what repels the links, softly"
     )
-    touch: TouchSection | None = Field(None, description="collision detection; absent: off")
+    touch: Annotated[TouchSection | None, BeforeValidator(_switched_off)] = Field(
+        None, description="collision detection; absent, or false: off"
+    )
     priority: PrioritySection | None = Field(
         None, description="virtual spheres that obstacles push, before a hand is followed"
     )

@@ -270,6 +270,25 @@ class GantrySection(DrivenSection):
         return (self.speed, self.speed if len(self.joints) > 1 else 0.0)
 
 
+# --- Schema of a torso: joints that arms share ----------------------------------------------------
+
+
+class TorsoSection(Section):
+    """The mechanism carries others, which stand `on` its tip link: its joints move all their tools.
+
+    Tools that are led in World share them (`server/control/torso.py`); where the torso is commanded
+    itself, its arms answer it.
+    """
+
+    weight: Annotated[tuple[Annotated[float, Field(ge=0.01, le=100)], ...], EachJoint] = Field(
+        (1.0,),
+        min_length=1,
+        max_length=16,
+        description="cost of the arms' motion over that of its joints, in their units; one for all "
+        "or one each [1]",
+    )
+
+
 # --- Schema of an axis that sweeps: a scanner's tilt ----------------------------------------------
 
 
@@ -615,9 +634,13 @@ class MechanismSection(Section):
     T_world_base: PoseSection = Field(
         default_factory=PoseSection, description="Base frame in World"
     )
-    on: Name | None = Field(None, description="mechanism that it stands on; none: World")
+    on: Name | None = Field(
+        None, description="mechanism whose tip link it stands on, one with [torso]; none: World"
+    )
     T_on: PoseSection | None = Field(
-        None, description="Base frame on the mechanism that it stands on, instead of T_world_base"
+        None,
+        description="Base frame in the tip link of the mechanism that it stands on, instead of "
+        "T_world_base",
     )
     operation_mode: Literal["csp", "csv", "cst"] = Field(
         "csp",
@@ -668,6 +691,9 @@ class MechanismSection(Section):
     gantry: GantrySection | None = Field(
         None, description="rails that carry the arm; absent: it stands where T_world_base says"
     )
+    torso: TorsoSection | None = Field(
+        None, description="other mechanisms stand on it, and share its joints; absent: none does"
+    )
     payloads: dict[Name, PayloadSection] = Field(
         default_factory=dict, description="named payloads to switch to, as a whole"
     )
@@ -690,6 +716,11 @@ class MechanismSection(Section):
         if self.gantry is not None and (self.base is not None or self.backbone is not None):
             raise ValueError("gantry: an arm that rolls, or follows a curve, has none")
         return self
+
+    @property
+    def base_moves(self) -> bool:
+        """Joints move its Base: wheels of its own, or those of what it stands on."""
+        return self.base is not None or self.on is not None
 
     @property
     def driven(self) -> "DrivenSection | None":

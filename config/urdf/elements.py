@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError, nearest
 from ..schema.mechanism import LinkInertialSection
+from ..schema.section import PoseSection
 
 # --- The elements of a URDF, judged one by one before any library reads them ----------------------
 #
@@ -325,6 +326,45 @@ def origin_of(element: ET.Element | None) -> tuple[NDArray[np.float64], NDArray[
     return rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll), floats(
         origin.get("xyz", "0 0 0")
     )
+
+
+def place_at(
+    root: ET.Element, link: str, q: Mapping[str, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rotation (3, 3) and translation (3,) of a link in the root, joints at q [rad or m].
+
+    Joints without a name there are at zero.
+    """
+    above = {end_of(joint, "child"): joint for joint in root.findall("joint")}
+    R, p = np.eye(3), np.zeros(3)
+    for name in carriers(root, link)[:-1]:
+        joint = above[name]
+        R_joint, p_joint = origin_of(joint)
+        axis, way = joint.find("axis"), q.get(joint.get("name", ""), 0.0)
+        along = floats("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
+        along = along / np.linalg.norm(along)
+        if joint.get("type") == "prismatic":
+            p_joint = p_joint + R_joint @ (way * along)
+        else:
+            R_joint = R_joint @ rotation(along, way)
+        R, p = R_joint @ R, p_joint + R_joint @ p
+    return R, p
+
+
+def pose_of(pose: PoseSection) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rotation (3, 3) and translation (3,) of a pose."""
+    roll, pitch, yaw = pose.rpy
+    x, y, z = np.eye(3)
+    R = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+    return R, np.array(pose.xyz)
+
+
+def rpy_of(R: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return fixed-axis roll, pitch, yaw [rad] of a rotation (3, 3)."""
+    pitch = math.asin(min(1.0, max(-1.0, -float(R[2, 0]))))
+    if abs(R[2, 0]) < 1.0 - 1e-12:
+        return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+    return 0.0, pitch, math.atan2(-R[0, 1], R[1, 1])
 
 
 def rotation(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:

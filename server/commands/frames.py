@@ -103,8 +103,8 @@ class FrameSet:
         """How often MRF or CRF were redefined."""
         self.lens: Callable[[], Mount | None] = lambda: None
         """Returns the mount of the Lens whose view is kept."""
-        rolls = ("base",) if mechanism.base is not None else ()
-        self.movable = frozenset((*rolls, *frames.moving))
+        carried = ("base",) if mechanism.base_moves else ()
+        self.movable = frozenset((*carried, *frames.moving))
         """The frames that may move; none in a cell where all stand."""
         self._T_wrist_sensor = None
         if sensor is not None:

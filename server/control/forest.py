@@ -475,6 +475,15 @@ def _needed(
 # --- The same, read from a URDF -------------------------------------------------------------------
 
 
+class Mounting(NamedTuple):
+    """What a mechanism's Base is fixed to, and where."""
+
+    body: int = 0
+    """Of the forest: a root, or the body that the tip link of another mechanism is part of."""
+    T: Pose = Pose.identity()
+    """Base in it."""
+
+
 class Branch:
     """The joints of one mechanism among those of the cell."""
 
@@ -484,16 +493,17 @@ class Branch:
         joints: Sequence[str],
         rolling: DifferentialDrive | None,
         first: int = 0,
-        root: int = 0,
+        on: "Mounting | None" = None,
         prefix: str = "",
     ) -> None:
         """Read them from the URDF's `model`; those outside of the mechanism stand at zero.
 
-        `first` of all joints is its first, and `root` carries them; names of its links begin with
-        the `prefix` where there are several mechanisms.
+        `first` of all joints is its first, and Base is `on` a body, none: on root 0; names of its
+        links begin with the `prefix` where there are several mechanisms.
         """
         self.model, self.prefix = model, prefix
-        self._data, self._first, self._root = model.createData(), first, root
+        self._data, self._first = model.createData(), first
+        self._on = Mounting() if on is None else on
         pin.forwardKinematics(model, self._data, pin.neutral(model))
         self._ids = [model.getJointId(name) for name in joints]
         self.n = len(self._ids)
@@ -504,11 +514,11 @@ class Branch:
         self.tree = self._tree()
 
     @classmethod
-    def of(cls, part: Cell, first: int = 0, root: int = 0) -> Self:
+    def of(cls, part: Cell, first: int = 0, on: "Mounting | None" = None) -> Self:
         """Read that of one mechanism of a cell."""
         joints, rolling = part.robot.joints, DifferentialDrive.from_cell(part)
         model, names = pin.buildModelFromXML(part.robot.description()), [j.name for j in joints]
-        return cls(model, names, rolling, first, root, part.prefix)
+        return cls(model, names, rolling, first, on, part.prefix)
 
     def body_of(self, link: str) -> tuple[int, Pose]:
         """Return the body that a link of the URDF is part of, and the link's pose in it.
@@ -526,7 +536,8 @@ class Branch:
         T = self._data.oMi[joint] * placement
         if own:
             T = self._data.oMi[self._ids[own - 1]].inverse() * T
-        return self._body(own), Pose(T.rotation.copy(), T.translation.copy())
+        found = Pose(T.rotation.copy(), T.translation.copy())
+        return self._body(own), found if own else self._on.T @ found
 
     def links(self, q: Array) -> dict[str, Pose]:
         """Return the pose in Base of every link of the URDF at joints q (n,), wheels turned."""
@@ -542,7 +553,7 @@ class Branch:
 
     def _body(self, own: int) -> int:
         """Return the number among all of a body that is counted from this mechanism's Base."""
-        return self._first + own if own else -self._root
+        return self._first + own if own else self._on.body
 
     def _carrier(self, joint: int) -> int:
         """Return which of the own bodies carries a joint of the URDF, or is moved by it."""
@@ -554,11 +565,11 @@ class Branch:
     def _tree(self) -> Tree:
         """Read the tree of the joints; Base is their root."""
         n, model, data = self.n, self.model, self._data
-        parents = np.empty(n, dtype=np.int64)
+        parents, base = np.empty(n, dtype=np.int64), pin.SE3(*self._on.T).inverse()
         prismatic, parts, axes = np.zeros(n, dtype=bool), np.zeros((n, 3, 3, 4)), np.zeros((n, 3))
         for i, j in enumerate(self._ids):
             carrier = self._carrier(model.parents[j])
-            before = data.oMi[self._ids[carrier - 1]] if carrier else pin.SE3.Identity()
+            before = data.oMi[self._ids[carrier - 1]] if carrier else base
             parents[i] = self._body(carrier) - 1
             placement = (before.inverse() * data.oMi[j]).homogeneous
             joint_data = model.joints[j].createData()
@@ -583,10 +594,17 @@ class Branch:
         return Tree(parents, prismatic, parts, axes)
 
 
+def standing_on(part: Cell) -> Pose:
+    """Return where the Base of a mechanism is in the tip link of the one that it stands on."""
+    T = part.config.mechanism.T_on
+    return Pose.identity() if T is None else Pose.from_xyz_rpy(T.xyz, T.rpy)
+
+
 class Forest:
     """Forward kinematics of a cell's n joints, for capsules and control points.
 
-    Bodies are numbered: joint j moves body j + 1; body −r is root r, the Base of mechanism r.
+    Bodies are numbered: joint j moves body j + 1; body −r is root r, the Base of mechanism r,
+    unless that stands on another.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -594,9 +612,14 @@ class Forest:
         self.branches: tuple[Branch, ...] = ()
         """One for each mechanism."""
         self.n = 0
-        for root, part in enumerate(cell.parts):
-            self.branches += (Branch.of(part, self.n, root),)
-            self.n += self.branches[-1].n
+        for root, (part, under) in enumerate(zip(cell.parts, cell.carriers, strict=True)):
+            on = Mounting(-root)
+            if under >= 0:
+                carrier = cell.parts[under].config.mechanism
+                on = Mounting(*self.body_of(f"{cell.parts[under].prefix}{carrier.tip_link}"))
+                on = on._replace(T=on.T @ standing_on(part))
+            branch = Branch.of(part, self.n, on)
+            self.branches, self.n = (*self.branches, branch), self.n + branch.n
         self.tree = Tree.of_all([branch.tree for branch in self.branches])
         far = [max(abs(j.lower), abs(j.upper)) for part in cell.parts for j in part.robot.joints]
         self.stroke = np.where(self.tree.prismatic, far, 0.0)

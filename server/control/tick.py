@@ -25,12 +25,13 @@ from .barriers.clearance import CollisionConstraint, ProximityQuery, Surrounding
 from .bodies.rates import ArmMeasurement, DesiredRates
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
-from .joints import Joints, joined
+from .joints import Joints, joined, parts_of
 from .scene import Body
 from .spatial import Array
 from .state import ArmMemory, Memory, Output
 from .stop.limiter import Commanded, Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
+from .torso import Torso
 
 
 class Control:
@@ -51,8 +52,11 @@ class Control:
         p = self.arms[0].p
         every = [arm.p.joints for arm in self.arms]
         joints = Joints.of_all(every)
-        T = p.period_s
-        self.allow = ConstraintSet(every, T, p.resolve.characteristic_length, guard)
+        T, parts = p.period_s, parts_of([arm.n for arm in every])
+        self.torsos = () if cell is None else Torso.of_all(cell, self.arms, parts)
+        """Mechanisms that carry others."""
+        trees = [torso.tree for torso in self.torsos]
+        self.allow = ConstraintSet(every, T, p.resolve.characteristic_length, guard, trees)
         self.limiter = self._limiter_of(())
         self.joint: JointTasks | None = None
         """Payloads that several arms may hold together; None in a cell without joint tasks."""
@@ -102,9 +106,14 @@ class Control:
         if on:
             inputs = [members[i].seen.inputs if i in members else x for i, x in enumerate(inputs)]
         asked, before, barred = [], [], []
+        shared: dict[int, tuple[ArmMemory, ArmMeasurement, DesiredRates]] = {}
+        for torso in self.torsos:
+            shared.update(torso.solve(self.arms, memory.arms, each, inputs))
         for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
             if i in members:
                 kept, seen, wanted, *_ = members[i]
+            elif i in shared:
+                kept, seen, wanted = shared[i]
             else:
                 kept, seen, wanted = arm.solve(last, each[i], given)
             asked.append((seen, wanted))
@@ -140,12 +149,17 @@ class Control:
         return Commanded.at_rest(joined(at))
 
     def _bases(self, inputs: Sequence[Inputs]) -> tuple[Body, ...]:
-        """Return where the Bases are, and how they move of themselves; none where all stand."""
-        if all(given.moved is None for given in inputs):
+        """Return where the Bases are, and how they move of themselves; none where all stand.
+
+        Those on a torso are where its joints have them, whatever is said here.
+        """
+        carried = {i for torso in self.torsos for i in torso.tree[1:].tolist()}
+        moved = [None if i in carried else given.moved for i, given in enumerate(inputs)]
+        if all(each is None for each in moved):
             return ()
         return tuple(
-            Body.standing(arm.mechanism.T_world_base) if given.moved is None else given.moved.base
-            for arm, given in zip(self.arms, inputs, strict=True)
+            Body.standing(arm.mechanism.T_world_base) if each is None else each.base
+            for arm, each in zip(self.arms, moved, strict=True)
         )
 
     def _each(self, commanded: Commanded) -> list[Commanded]:
@@ -196,8 +210,11 @@ class Control:
     def _limiter_of(self, groups: tuple[tuple[int, ...], ...]) -> Limiter:
         """Return the limiter of the cell; joints of a group of arms stop in proportion.
 
-        So do those that a body synchronizes.
+        So do those that a body synchronizes, and all of a torso and what it carries: they get to
+        their rates together, too.
         """
+        trees = [tuple(torso.tree.tolist()) for torso in self.torsos]
+        groups = (*groups, *trees)
         grouped = {i for group in groups for i in group}
         joints = Joints.of_all([arm.p.joints for arm in self.arms])
         every = np.arange(joints.n)
@@ -211,8 +228,16 @@ class Control:
                 for own in arm.body.synchronized
                 if i not in grouped
             ],
-            self.parts,
+            self._together(),
         )
+
+    def _together(self) -> list[slice]:
+        """Return where the joints are that get to their rates together: an arm's, or a torso's."""
+        found = list(self.parts)
+        for torso in reversed(self.torsos):
+            first, last = int(torso.tree[0]), int(torso.tree[-1])
+            found[first : last + 1] = [slice(self.parts[first].start, self.parts[last].stop)]
+        return found
 
 
 def _of_part(judge: StopConstraint, part: slice, stop: Stop) -> float:

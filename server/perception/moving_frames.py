@@ -76,13 +76,16 @@ class FrameTracker:
         period: float,
         events: Events,
         base: BaseTracker | None = None,
+        carried: bool = False,
     ) -> None:
         """Begin with frames that stand; `limits` bound the jerk at which they are followed.
 
-        `base` tracks a Base that rolls; None for one that does not.
+        `base` tracks a Base that rolls; None for one that does not. One that is `carried` is where
+        the torso has it that it stands on.
         """
         self._events = events
         self.base = base
+        self._carried: Moved | None = None
         self._lead_s = LEAD_PERIODS * period + frames.drive_lag_s
         self._standing = {
             "base": Pose.from_xyz_rpy(T_world_base.xyz, T_world_base.rpy),
@@ -93,9 +96,9 @@ class FrameTracker:
             for name, config in frames.moving.items()
         }
         rolls = base is not None and "base" not in self._tracked
-        self.names = (*(("base",) if rolls else ()), *self._tracked)
+        self.names = (*(("base",) if rolls or carried else ()), *self._tracked)
         """The frames that may move."""
-        self.watching = bool(self._tracked) or base is not None
+        self.watching = bool(self._tracked) or base is not None or carried
         """There are any."""
         self.moved = self._moved()
         """Where Base and Carrier are, for this tick's command."""
@@ -106,7 +109,7 @@ class FrameTracker:
         c = cell.config
         return cls(
             c.frames, c.mechanism.T_world_base, c.limits, c.timing.period_s, events,
-            BaseTracker.from_cell(cell, events),
+            BaseTracker.from_cell(cell, events), c.mechanism.on is not None,
         )  # fmt: skip
 
     @property
@@ -182,7 +185,15 @@ class FrameTracker:
             self.moved = Moved(rolled, self.body("carrier"), measured)
         return self.moved
 
+    def carry(self, base: Moved) -> Moved:
+        """Return where the frames are, with Base where a torso has it."""
+        self._carried = base
+        self.moved = self._moved()
+        return self.moved
+
     def _moved(self) -> Moved:
+        if self._carried is not None:
+            return self._carried._replace(carrier=self.body("carrier"))
         base = self.body("base")
         back = -self._lead_s * base.twist
         measured = Pose(rotation_exp(back[3:]) @ base.T.R, base.T.p + back[:3])
@@ -195,6 +206,8 @@ class FrameTracker:
         """Return where Base or Carrier is, for this tick's command."""
         if name == "base" and self.base is not None:
             return self.base.odometry.body(self.base.twist)
+        if name == "base" and self._carried is not None:
+            return self._carried.base
         tracked = self._tracked.get(name)
         return Body.standing(self._standing[name]) if tracked is None else tracked.followed.now
 

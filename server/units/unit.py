@@ -13,6 +13,7 @@ from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
 from ..control.compiled import evolve
+from ..control.forest import standing_on
 from ..control.grasps import GraspStatus
 from ..control.inputs import (
     NOTHING,
@@ -25,8 +26,9 @@ from ..control.inputs import (
     SelfMotionRequest,
 )
 from ..control.mechanism.model import Mechanism
-from ..control.scene import Moved
-from ..control.spatial import Array, Motion, Pose
+from ..control.mechanism.resolution import bend
+from ..control.scene import Body, Moved
+from ..control.spatial import Array, Motion, Pose, jacobian_at
 from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
@@ -291,6 +293,22 @@ class Unit:
         """Return the torques (n,) that hold the arm at rest at q (n,) [N·m]."""
         payload, moved = self.commands.settings.payload, self.commands.frames.moved
         return self.arm.holding(q, payload, moved.T_world_base_measured.R)
+
+    def stand_on(self, torso: "Unit", told: Motion, q: Array) -> None:
+        """Bring Base to where the torso has it that is `told` a motion, and measured at q (n,)."""
+        mechanism, T_on = torso.arm.mechanism, standing_on(self.cell)
+        k = mechanism.kinematics(told.q, Pose.identity())
+        base = k.T_world_wrist @ T_on
+        at_base = jacobian_at(k.J, base.p - k.T_world_mrf.p)
+        acceleration = at_base @ told.ddq + bend(at_base, told.dq, told.dq, 1.0)
+        self.commands.frames.moved = self.perception.moving_frames.carry(
+            Moved(
+                Body.standing(base),
+                self.commands.frames.moved.carrier,
+                mechanism.pose_wrist(q) @ T_on,
+                acceleration,
+            )
+        )
 
     def perceive(self, reading: UnitReading, mode: Mode, now_s: float) -> None:
         """Update all monitors."""

@@ -27,7 +27,7 @@ from ..control.grasps import GraspStatus
 from ..control.inputs import Inputs, Intent, ToldTunnel, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
-from ..control.spatial import GRAVITY, Array, Pose
+from ..control.spatial import GRAVITY, Array, Motion, Pose
 from ..control.state import Memory, Output
 from ..control.stop.profile import ramps_in_proportion
 from ..control.tick import Control
@@ -367,6 +367,10 @@ class Units:
         `joint` are the tasks that several of them hold, `tasks` computes these.
         """
         self.each, self.joint = tuple(units), tuple(joint)
+        by = {unit.mechanism: unit for unit in self.each}
+        on = [(unit, by.get(unit.cell.config.mechanism.on or "")) for unit in self.each]
+        self._carried = [(unit, torso) for unit, torso in on if torso is not None]
+        """Arms on a torso, each with that."""
         self._tasks = tasks
         self.memory: Memory | None = None
         """What the next tick begins with; None before the joints were heard, and once it is void.
@@ -529,6 +533,11 @@ class Units:
         self.memory = None
         for unit in self.each:
             unit.memory = None
+
+    def stand(self, told: Motion, q: Array) -> None:
+        """Bring arms on a torso to where that is, by what all joints are `told` and measured at."""
+        for unit, torso in self._carried:
+            unit.stand_on(torso, told.of(torso.joints), q[torso.joints])
 
     def keep(self, tick: int, memory: Memory, outputs: Sequence[Output]) -> None:
         """Take in what a tick decided."""

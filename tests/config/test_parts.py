@@ -183,7 +183,7 @@ payload_mass = 0.5
         (PAIR + "on = 'right'\n", "mechanisms[1].on: value 'right': goes round in a circle"),
         (PAIR.replace(*ON) + "on = 'left'\n",
          "mechanisms[0].on: value 'right': goes round in a circle: left on right on left"),
-        (PAIR + "on = 'left'\n", "mechanisms[1].on: value 'left': a mechanism that stands on"),
+        (PAIR + "on = 'left'\n", "mechanisms[1].on: value 'left': has no [torso], so that nothing"),
         (PAIR + "T_on = { xyz = [0.0, 0.0, 1.0] }\n", "mechanisms[1].T_on: there is no"),
         (PAIR + "[[obstacles]]\nname = 'ray'\nshape = 'sight_line'\ncamera = 'eye'\n",
          "obstacles[0].camera: value 'eye': there are several mechanisms: sight lines"),

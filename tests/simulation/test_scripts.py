@@ -41,6 +41,7 @@ ELSEWHERE |= {"between_boxes"}  # `test_found_tunnel.py`
 ELSEWHERE |= {"figure_4"}  # `test_planar3.py`
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
 ELSEWHERE |= {"drive_past"}  # `test_rover_beside.py`
+ELSEWHERE |= {"torso"}  # `test_pa10_torso.py`
 ELSEWHERE |= {"bridge", "bridge_off"}
 """`test_bridge.py` plays the like, nearer."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources", "see_and_press"}

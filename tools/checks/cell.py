@@ -63,11 +63,11 @@ def nearest(
     q = np.concatenate([part.config.mechanism.postures[posture] for part in cell.parts])
     room = np.full(len(capsules.radius), farthest)
     near = PairSearch(cell, capsules).find(capsules.place(q[None]), None, room, 0.0)
-    root, body, links = capsules.forest.root, capsules.body, capsules.links
+    links, arm = capsules.links, [link.partition(".")[0] for link in capsules.links]
     pairs = [
         (float(gap), (links[a], links[b]))
         for a, b, gap in zip(near.first, near.second, near.gap, strict=True)
-        if not of_arms or root(int(body[a])) != root(int(body[b]))
+        if not of_arms or arm[a] != arm[b]
     ]
     return min(pairs, key=lambda pair: pair[0], default=(farthest, ()))
 

@@ -15,6 +15,7 @@ from ...config.urdf.robot import UrdfJoint
 from ...drivers.canopen.servo_setup import SAG, Setpoint
 from ...drivers.device import MOST_MISSED_SYNCS, SWITCH_OFF_S
 from ...protocols.canopen.cia402 import HALF, SPAN, OperationMode
+from ...server.control.forest import standing_on
 from ...server.control.mechanism.model import Mechanism
 from ...server.stability.judgement import PayloadBounds, payload_words
 from ...server.stability.loads import (
@@ -171,6 +172,31 @@ def enabling(cell: Cell) -> Iterator[Finding]:
 ROOM = 0.5
 """Part of a motor's torque, or a sensor's range, that holding still may take before it is worth a
 word [1]."""
+
+
+def carried(cell: Cell) -> Iterator[Finding]:
+    """Judge what holds the joints of each torso under all that stands on it, arms at `ready`."""
+    for i in sorted(set(cell.carriers) - {-1}):
+        torso, mass, moment = cell.parts[i], 0.0, np.zeros(3)
+        for part, under in zip(cell.parts, cell.carriers, strict=True):
+            if under == i:
+                ready, T_on = np.array(part.config.mechanism.postures["ready"]), standing_on(part)
+                own, centre = Mechanism.from_cell(part).mass(ready)
+                mass, moment = mass + own, moment + own * (T_on.R @ centre + T_on.p)
+        dynamics, most = dynamics_of(torso), most_torques(torso)
+        dynamics.carry(mass, moment / max(mass, 1e-9))
+        joints = torso.config.mechanism.drives
+        for name, posture in torso.config.mechanism.postures.items():
+            share = np.abs(dynamics.bias(np.array(posture), np.zeros(len(joints)))) / most
+            j = int(np.argmax(share))
+            taken = float(share[j])
+            yield Finding(
+                f"{torso.prefix}carrying {name}",
+                graded(taken, ROOM, 1.0),
+                f"{joints[j].joint} takes {taken * most[j]:.3g} of {most[j]:g} N·m under the "
+                f"{mass:.3g} kg that stand on it",
+                {"share": taken, "joint": joints[j].joint, "mass_kg": mass},
+            )
 
 
 def holding(cell: Cell) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from ...config.load import Cell
 from .cell import arms, bus_load, network, sampling, sensors, timing
-from .drives import drives, enabling, following, holding, torque
+from .drives import carried, drives, enabling, following, holding, torque
 from .findings import Finding
 from .loops import joint_tasks, reflection, stability
 from .model import postures, starting, tunnel
@@ -21,6 +21,7 @@ OF_THE_CELL: Final[tuple[Check, ...]] = (
     arms,
     joint_tasks,
     starting,
+    carried,
 )
 
 OF_AN_ARM: Final[tuple[Check, ...]] = (

@@ -12,7 +12,7 @@ from ...config.load import Cell
 from ...config.schema.mechanism import BackboneSection
 from ...config.schema.section import PoseSection
 from ...protocols import topics as t
-from ...protocols.messages.messages import Frame, Vector6
+from ...protocols.messages.messages import Frame
 from ...protocols.messages.rig import RigTruth
 from ...protocols.messages.telemetry import Event, State
 from ...server.control.backbone.curve import centre_line
@@ -131,8 +131,11 @@ def stands(part: Cell) -> bool:
 class ToolJudge:
     """Compares the physics' pose of one arm's MRF with its target, tick by tick."""
 
-    def __init__(self, cell: Cell, *, first: bool = True) -> None:
-        """Judge the arm of one part of a cell; commands without a name are the `first` one's."""
+    def __init__(self, cell: Cell, *, first: bool = True, under: Cell | None = None) -> None:
+        """Judge the arm of one part of a cell; commands without a name are the `first` one's.
+
+        It stands on another part's tip link, if one is `under` it.
+        """
         mechanism, frames = cell.config.mechanism, cell.config.frames
         self._period_s = cell.config.timing.period_s
         self._name = mechanism.name
@@ -141,6 +144,11 @@ class ToolJudge:
         self._T_mrf_wrist = self._T_wrist_mrf.inverse()
         self._T_world_base = placed(mechanism.T_world_base)
         self._stands = stands(cell)
+        self._on: tuple[str, Pose] | None = None
+        """The mechanism that it stands on, and its Base in that one's MRF; None: it is in World."""
+        if under is not None:
+            torso, T_on = under.config.mechanism, placed(mechanism.T_on or PoseSection())
+            self._on = torso.name, placed(torso.T_wrist_mrf).inverse() @ T_on
         on_world = frames.crf_on == "world"
         self._crf = _Mount(
             frames.crf_on, placed(cell.config.T_world_crf if on_world else frames.T_ground_crf)
@@ -247,14 +255,18 @@ class ToolJudge:
         on = str(frame) if frame in grounds else self._crf.on
         return on if self._moved(truth, on) is not None else "world"
 
-    def _moved(self, truth: RigTruth, name: str) -> Vector6 | None:
+    def _moved(self, truth: RigTruth, name: str) -> Pose | None:
         """Return where a ground that may move truly is; None for one that stands."""
-        return None if name == "base" and self._stands else truth.frames.get(name)
+        if name == "base" and self._on is not None:
+            torso, T_mrf_base = self._on
+            return _pose(truth.arms[torso].pose_mrf) @ T_mrf_base
+        told = None if name == "base" and self._stands else truth.frames.get(name)
+        return None if told is None else _pose(told)
 
     def _ground(self, truth: RigTruth, name: str) -> Pose:
         moved = self._moved(truth, name)
         if moved is not None:
-            return _pose(moved)
+            return moved
         return self._T_world_base if name == "base" else Pose.identity()
 
     def _wrist(self, truth: RigTruth) -> Pose:

@@ -144,7 +144,10 @@ class Simulation:
         )
         self.observer = Observer(cell)
         self.view = ViewJudge(cell)
-        self._tools = tuple(ToolJudge(part, first=i == 0) for i, part in enumerate(cell.parts))
+        self._tools = tuple(
+            ToolJudge(part, first=i == 0, under=cell.parts[under] if under >= 0 else None)
+            for i, (part, under) in enumerate(zip(cell.parts, cell.carriers, strict=True))
+        )
         self.player.on_step = self._on_step
         self._tunnel = TunnelJudge(cell)
         self.blind: str | None = None

@@ -86,7 +86,7 @@ class RigCameras:
         spec.compiler.discardvisual = False  # what only can be seen is what we are here for
         for part in cell.parts:
             tip = spec.body(part.prefix + part.config.mechanism.tip_link)
-            stands = {"world": spec.worldbody, "base": _root(tip), "wrist": tip}
+            stands = {"world": spec.worldbody, "base": _root(tip, part.prefix), "wrist": tip}
             for camera in part.config.cameras:
                 if camera.name in self._cameras:
                     _add_camera(stands[camera.on], camera)
@@ -188,9 +188,9 @@ class ToldCameras(RigCameras):
         return self.picture(camera, truth.q, truth.covered, truth.tags, base)
 
 
-def _root(body: mujoco.MjsBody) -> mujoco.MjsBody:
-    """Return the base of the arm that a body belongs to."""
-    while body.parent.name != "world":
+def _root(body: mujoco.MjsBody, prefix: str) -> mujoco.MjsBody:
+    """Return the base of the arm that a body belongs to, whose bodies' names begin so."""
+    while body.parent.name != "world" and body.parent.name.startswith(prefix):
         body = body.parent
     return body
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ....config.load import Cell
 from ....server.control.compiled import INDEX, MATRIX, ROW, VECTOR, compiled
+from .geoms import owners
 
 # --- Distances in the physics: of arms from what stands around them, and from each other ----------
 
@@ -209,11 +210,11 @@ class WorldDistances:
         # Built to overlap, as shoulders and a torso.
         excluded = self._model.exclude_signature.tolist()
         apart = {frozenset((pair >> 16, pair & 0xFFFF)) for pair in excluded}
-        root = self._model.body_rootid[self._model.geom_bodyid]
+        owner = owners(self._model, self._roots)
         touches = self._model.geom_conaffinity
         arms = [
-            [g for g in range(self._model.ngeom) if root[g] == base and touches[g]]
-            for base in self._roots
+            [g for g in range(self._model.ngeom) if owner[bodies[g]] == arm and touches[g]]
+            for arm in range(len(self._roots))
         ]
         pairs = [
             (a, b)

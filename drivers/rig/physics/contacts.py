@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .geoms import owners
 from .movers import FLOOR, ROLLS
 
 Vector = NDArray[np.float64]
@@ -41,8 +42,8 @@ class Contacts:
         self._model, self._data = model, data
         floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, FLOOR)
         self._fixed = frozenset(fixed) | ({floor} if floor >= 0 else frozenset())
-        root_of = model.body_rootid[model.geom_bodyid].tolist()
-        side_of = [roots.index(root) if root in roots else NOBODY for root in root_of]
+        owner = [NOBODY if arm < 0 else arm for arm in owners(model, roots)]
+        side_of: list[int] = [owner[body] for body in model.geom_bodyid.tolist()]
         rolls = [bool(t & ROLLS) and g != floor for g, t in enumerate(model.geom_contype)]
 
         def side(first: int, second: int) -> int:

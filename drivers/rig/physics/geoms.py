@@ -1,5 +1,6 @@
 """Common to the rig's geoms: who touches whom, how hard; and capsules of links with meshes."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import mujoco
@@ -32,6 +33,15 @@ def fixed(geom: mujoco.MjsGeom) -> mujoco.MjsGeom:
     geom.contype, geom.conaffinity = FIXED, ARM
     geom.solref[:], geom.solimp[:] = SOLREF, SOLIMP
     return geom
+
+
+def owners(model: mujoco.MjModel, roots: Sequence[int]) -> list[int]:
+    """Return which root each body of a model descends from, the nearest: its place, -1 for none."""
+    place: dict[int, int] = {root: i for i, root in enumerate(roots)}
+    found = [-1]
+    for body, parent in enumerate(model.body_parentid.tolist()[1:], start=1):
+        found.append(place.get(body, found[parent]))
+    return found
 
 
 def bound_contacts(model: mujoco.MjModel) -> None:

@@ -44,6 +44,8 @@ _LOCK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _END_STOP = 0.2
 """A joint's mechanical end stop lies this far beyond its limit in the URDF, a soft one [rad]."""
 _PLATE_HALF_THICKNESS = 0.02
+NEIGHBOURS = 2
+"""Links that so many joints part, or fewer, may overlap: shoulders and wrists do by design [1]."""
 POINT_INERTIA = 2e-4
 """About each axis of the payload's centre of mass, per kilogram [m²]."""
 
@@ -74,10 +76,11 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
     if rig is None:
         raise ValueError(f"cell {cell.config.name} has no [rig]: nothing to simulate")
     spec = mujoco.MjSpec() if cell.prefix else _arm_of(cell)
-    for part, prefix in zip(cell.parts, prefixes(cell), strict=True) if cell.prefix else ():
-        spec.attach(_arm_of(part), prefix=prefix, frame=spec.worldbody.add_frame())
+    for part, under in zip(cell.parts, cell.carriers, strict=True) if cell.prefix else ():
+        _attach(spec, part, cell.parts[under] if under >= 0 else None)
     if cell.prefix:
         exclude_contacts(spec, cell)
+        _exclude_across(spec, cell)
     spec.option.timestep = rig.physics_step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -119,6 +122,19 @@ def build_spec(cell: Cell) -> mujoco.MjSpec:
 def prefixes(cell: Cell) -> tuple[str, ...]:
     """Return what the names of each mechanism begin with in the model: nothing for the only one."""
     return tuple(part.prefix for part in cell.parts)
+
+
+def _attach(spec: mujoco.MjSpec, part: Cell, under: Cell | None) -> None:
+    """Add one arm of several: in World, or on the tip link of another."""
+    arm, on, place = _arm_of(part), spec.worldbody, PoseSection()
+    if under is not None:
+        on, place = (
+            spec.body(under.prefix + under.config.mechanism.tip_link),
+            part.config.mechanism.T_on or place,
+        )
+        root = arm.worldbody.first_body()
+        root.pos[:], root.quat[:] = place.xyz, quaternion(place)
+    spec.attach(arm, prefix=part.prefix, frame=on.add_frame())
 
 
 def _arm_of(part: Cell) -> mujoco.MjSpec:
@@ -181,7 +197,8 @@ def _furnish_arm(arm: mujoco.MjSpec, mechanism: MechanismSection, rig: RigSectio
     n = len(mechanism.drives)
     for geom in arm.geoms:
         of_arm(geom)
-        if geom.parent.parent.name != WORLD:  # a link weighs what its URDF or the cell says
+        # A link weighs what its URDF or the cell says; one that is fixed to World, whatever.
+        if geom.parent.parent.name != WORLD or mechanism.on is not None:
             geom.density = 0.0
     for i, drive in enumerate(mechanism.drives):
         joint = arm.joint(drive.joint)
@@ -254,9 +271,28 @@ def _exclude_neighbours(arm: mujoco.MjSpec) -> None:
     known = {frozenset((e.bodyname1, e.bodyname2)) for e in arm.excludes}
     for first, depth in moving.items():
         for second, deeper in moving.items():
-            near = abs(depth - deeper) <= 2 and frozenset((first, second)) not in known
+            near = abs(depth - deeper) <= NEIGHBOURS and frozenset((first, second)) not in known
             if first < second and near:
                 arm.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def _exclude_across(spec: mujoco.MjSpec, cell: Cell) -> None:
+    """Links of two mechanisms, one on the other or both on a third, likewise: of one tree."""
+    carriers = cell.carriers
+    trees = [i if under < 0 else under for i, under in enumerate(carriers)]
+    joints: dict[str, frozenset[str]] = {}
+    of: dict[str, int] = {}
+    for body in spec.bodies[1:]:
+        above = joints.get(body.parent.name, frozenset())
+        joints[body.name] = above | {joint.name for joint in body.joints}
+        owner = [i for i, p in enumerate(cell.parts) if body.name.startswith(p.prefix)]
+        of[body.name] = owner[0] if owner else -1
+    for first, way in joints.items():
+        for second, other in joints.items():
+            a, b = of[first], of[second]
+            of_one_tree = -1 not in (a, b) and a != b and trees[a] == trees[b]
+            if first < second and of_one_tree and len(way ^ other) <= NEIGHBOURS:
+                spec.add_exclude(bodyname1=first, bodyname2=second)
 
 
 def _add_wall(spec: mujoco.MjSpec, wall: WallSection) -> mujoco.MjsGeom:

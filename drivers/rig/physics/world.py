@@ -104,8 +104,13 @@ class World:
             raise ValueError(f"cell {part.config.name} has no [rig]: nothing to simulate")
         kinds = (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE)
         force, torque = (int(model.sensor(prefix + k.name.lower()).adr[0]) for k in kinds)
+        root = tip
+        while (parent := int(model.body_parentid[root])) and model.body(parent).name.startswith(
+            prefix
+        ):
+            root = parent
         return _Arm(
-            int(model.body_rootid[tip]),
+            root,
             tip,
             int(model.site(f"{prefix}mrf").id),
             force,

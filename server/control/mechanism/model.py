@@ -122,6 +122,14 @@ class Mechanism:
         """Return the mass matrix (n, n) [kg·m²] at q (n,) [rad], of the URDF's inertias."""
         return np.array(pin.crba(self.model, self._data, q))
 
+    def mass(self, q: Array) -> tuple[float, Array]:
+        """Return its mass [kg], and the centre of that (3,) in Base at q (n,) [m].
+
+        Of the URDF's inertias.
+        """
+        centre = np.array(pin.centerOfMass(self.model, self._data, q))
+        return float(pin.computeTotalMass(self.model)), centre
+
     def gravity(self, q: Array) -> tuple[Array, Array]:
         """Return the joints' gravity torques (n,) [N·m] at q (n,) [rad], and ∂g/∂q (n, n).
 
