@@ -7,6 +7,7 @@ arm cannot push aside. One that would come into the arm in a physics step has hi
 counted: it comes no further, so that it presses with nothing but what the arm does.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -81,7 +82,7 @@ class Reach(NamedTuple):
     """What an arm could do about a mover since it was told of it."""
 
     deep_m: float
-    """How deep the mover would be in the arm now if that stood where it was then [m]."""
+    """How deep the mover would be in the arm if that stood where it was then [m]."""
     away_m: float
     """By how much, from there, all joints take what is deepest away from it at most [m]."""
 
@@ -89,8 +90,15 @@ class Reach(NamedTuple):
 class Chase:
     """Moves what moves in a run: `run` once a tick, `step` in every physics step."""
 
-    def __init__(self, cell: Cell, movers: tuple[RandomMover, ...], simulation: Simulation) -> None:
-        self._movers, self._simulation = movers, simulation
+    def __init__(
+        self,
+        cell: Cell,
+        movers: tuple[RandomMover, ...],
+        simulation: Simulation,
+        stands_s: float = 0.0,
+    ) -> None:
+        """Build it; until `stands_s` the arm stands, whatever comes (`avoidance.standing`) [s]."""
+        self._movers, self._simulation, self._stands_s = movers, simulation, stands_s
         self._period_s, self._step_s = cell.config.timing.period_s, simulation.rig.dt
         world = simulation.rig.world
         model, self._data, self._model = world.model, world.data, world.model
@@ -112,7 +120,8 @@ class Chase:
         self._told_s: dict[str, float] = {}
         self._since_s: dict[str, float] = {}
         self._since: dict[str, tuple[Vector, Vector]] = {}
-        """Joint angles and rates when a mover was first told of (n,) [rad, rad/s]."""
+        """Joint angles and rates (n,) [rad, rad/s] when a mover was first told of to an arm that
+        was to move."""
         self._silent: set[str] = set()
         self._aimed_s: dict[str, float] = {}
         self.touching: dict[str, Touch] = {}
@@ -139,6 +148,7 @@ class Chase:
                 continue
             if name in self._silent or name not in self._since_s:
                 self._told_s.pop(name, None)
+            if name in self._silent or name not in self._since_s or at_s < self._stands_s:
                 self._since_s[name] = at_s
                 self._since[name] = self._world.q.copy(), self._world.dq.copy()
             wanted = self._velocity.get(name, np.zeros(3))
@@ -148,28 +158,49 @@ class Chase:
         self.tell()
 
     def told_for(self, name: str, at_s: float) -> float:
-        """Return for how long a mover has been told of [s]; 0 while it is not."""
+        """Return how long a mover has been told of to an arm that was to move [s]; 0: is not."""
         return 0.0 if name in self._silent else at_s - self._since_s.get(name, at_s)
 
-    def reach(self, name: str, told_s: float) -> Reach:
-        """Return what the arm could do about a mover that it was told of `told_s` ago [s].
+    def reach(self, name: str, at_s: float) -> Reach:
+        """Return what the arm could do about a mover since it was told of it and was to move.
 
         Each joint turns at most as it may be accelerated from the rate that it had, and no faster
-        than it may go; each point of the arm moves by no more than all that together. News acts
-        `ACTS_AFTER` periods later.
+        than it may go. News acts `ACTS_AFTER` periods later. The mover goes on as it does now
+        until it takes aim again, or acts otherwise; the moment that leaves the least counts.
         """
-        t = max(0.0, told_s - ACTS_AFTER * self._period_s)
-        now, (q, dq) = self._world.q.copy(), self._since[name]
-        turned = np.minimum(self._fastest * t, np.abs(dq) * t + 0.5 * self._quickest * t * t)
-        self._stand(q)
-        found = min(self._gaps(name, 0.0), key=lambda each: each[0], default=None)
-        reach = Reach(0.0, 0.0)
-        if found is not None:
-            gap, geom, at = found
-            J = self._jacobian(int(self._model.geom_bodyid[geom]), at)
-            reach = Reach(-gap, float(np.linalg.norm(J, axis=0) @ turned))
+        told_s, velocity = self.told_for(name, at_s), self._velocity[name]
+        now, place, (q, dq) = self._world.q.copy(), self._place[name].copy(), self._since[name]
+        acts = [a.at_s for m in self._movers if m.obstacle.name == name for a in m.acts]
+        goes_on_s = min([EVERY_S, *(act_s - at_s for act_s in acts if act_s > at_s)])
+        found = []
+        for ahead_s in np.arange(0.0, goes_on_s, self._period_s):
+            t = max(0.0, told_s + ahead_s - ACTS_AFTER * self._period_s)
+            turned = np.minimum(self._fastest * t, np.abs(dq) * t + 0.5 * self._quickest * t * t)
+            self._place[name][:] = place + ahead_s * velocity
+            self._stand(q)
+            found.append(self._away(name, turned))
+        self._place[name][:] = place
         self._stand(now)
-        return reach
+        return min(found, key=lambda reach: reach.away_m - reach.deep_m)
+
+    def _away(self, name: str, turned: Vector) -> Reach:
+        """Return how deep a mover is in the arm, and how far joints that turn lead that away.
+
+        By `turned` (n,) [rad] at most, the place that is deepest moves along the way to the
+        mover's middle, and across, by its Jacobian and that one's change; what is nearest to the
+        middle then is no farther than that place.
+        """
+        found = min(self._gaps(name, 0.0), key=lambda each: each[0], default=None)
+        if found is None:
+            return Reach(0.0, 0.0)
+        gap, geom, at = found
+        way = self._place[name] - at
+        far = max(float(np.linalg.norm(way)), 1e-9)
+        J = self._jacobian(int(self._model.geom_bodyid[geom]), at)
+        levers = np.linalg.norm(J, axis=0) * turned
+        change = float(levers @ (np.cumsum(turned) - 0.5 * turned))
+        along, moved = float(np.abs(way / far @ J) @ turned) + change, float(levers.sum())
+        return Reach(-gap, min(moved, math.hypot(far + along, moved) - far))
 
     def _stand(self, q: Vector) -> None:
         self._world.q[:] = q

@@ -51,7 +51,7 @@ class Hit(NamedTuple):
     speed: float
     """Its greatest speed [m/s]."""
     told_s: float
-    """It had been told of for so long; 0: nobody did [s]."""
+    """It had been told of, to an arm that was to move, for so long; 0: nobody did [s]."""
     escape: float
     """Greatest speed at which the joints take what was hit from it [m/s]."""
     reach: Reach
@@ -69,8 +69,9 @@ class Hit(NamedTuple):
             return "another had touched the arm: in HOLD by that it steps aside for nobody"
         if self.reach.away_m < self.reach.deep_m:
             return (
-                f"in the {self.told_s:.2f} s that it was told of the joints get out of its way by "
-                f"{1e3 * self.reach.away_m:.1f} mm at most, of {1e3 * self.reach.deep_m:.1f} mm"
+                f"in the {self.told_s:.2f} s that it was told of to an arm that was to move, the "
+                f"joints get out of its way by {1e3 * self.reach.away_m:.1f} mm at most, of "
+                f"{1e3 * self.reach.deep_m:.1f} mm"
             )
         if self.escape <= self.speed:
             return f"the joints take that place away at {self.escape:.2f} m/s at most"
@@ -154,7 +155,9 @@ class _Judge:
         self.hits: dict[str, Hit] = {}
         self._before = simulation.rig.world.q.copy()
         self._closing = 0.0
-        self._chase = Chase(scene.cell, scene.movers, simulation)
+        stands = scene.cell.config.avoidance.standing == "stand"
+        led_s = scene.script.step[0].at_s if stands else 0.0
+        self._chase = Chase(scene.cell, scene.movers, simulation, led_s)
         self._retreat: tuple[np.ndarray, np.ndarray, float] | None = None
         self._until_s = math.inf
         self.over = False
@@ -192,7 +195,7 @@ class _Judge:
                 if name in self.hits:
                     continue
                 speed, told_s = self._movers[f"obstacle_{name}"], self._chase.told_for(name, at_s)
-                reach = self._chase.reach(name, told_s)
+                reach = self._chase.reach(name, at_s)
                 held = bool(self.hits) and simulation.states[-1].mode == "hold"
                 self.hits[name] = Hit(name, at_s, speed, told_s, touch.escape, reach, held)
 
