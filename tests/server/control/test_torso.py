@@ -1,9 +1,11 @@
 """Arms on one torso: all sixteen joints against a dense least-squares solution, and the physics."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.drivers.rig.physics.world import World
 from telerobot.server.commands.commands import Commands
 from telerobot.server.control.forest import Forest, standing_on
@@ -256,3 +258,34 @@ def test_the_check_weighs_what_stands_on_the_torso(cell, world):
     force = abs(world.data.qfrc_bias[1])
     assert found.values["share"] * 4000.0 == pytest.approx(force, rel=1e-3)
     assert force > 900.0
+
+
+def test_an_arm_that_cannot_keep_up_slows_the_torso_and_the_other_arm(cell, world):
+    """Both tools stay below a torso that is driven: all go at one share."""
+    _, left, right = cell.parts
+    slow = {f"mechanism.drives.{i}.max_velocity": 0.06 for i in range(7)}
+    slowed = Control.of(replace(cell, others=(altered(left, slow), right)))
+    ticks = list(led(cell, slowed, ticks=100, torso=stick(0.0, 0.0, 0.0, 0.0, 0.0, 0.2)))
+    q, outputs, motion = ticks[-1]
+    assert outputs[0].desired.dq[0] == pytest.approx(0.2, abs=1e-6)
+    assert 0.01 < motion.dq[0] < 0.15
+    assert "joint_speed" in outputs[1].limits
+    for name in ("left", "right"):
+        assert np.abs(true_jacobian(world, q, name)[0] @ motion.dq).max() < 2e-3
+
+
+def test_a_torso_whose_own_axes_are_free_goes_where_objectives_lead_it_below_tools_that_stay(
+    cell, world
+):
+    """All sixteen joints are redundant together: four freedoms that no task needs."""
+    free = altered(cell, {"resolve.free_axes": ("z", "rz"), "redundancy.mid_range": 0.5})
+    start = posture(cell)
+    start[:2] = 0.4, 0.3
+    ticks = list(led(free, Control.of(free), ticks=150, q=start))
+    q, outputs, _ = ticks[-1]
+    assert q[0] < 0.37
+    assert q[1] < 0.26
+    for name in ("left", "right"):
+        J, at = true_jacobian(world, q, name)
+        assert np.abs(J @ rates(outputs)).max() < 1e-9
+        assert np.linalg.norm(at - true_jacobian(world, ticks[0][0], name)[1]) < 3e-4
