@@ -140,13 +140,16 @@ def given(cell, control, q, q_measured, **told):
     return found
 
 
-def led(cell, control, ticks=60, q=None, **told):
-    """Yield posture, outputs, and what was granted of the rates, tick by tick."""
+def led(cell, control, ticks=60, q=None, behind=0.0, **told):
+    """Yield posture, outputs, and what was granted of the rates, tick by tick.
+
+    Joints are measured `behind` (16,) their commands.
+    """
     memory = control.seed(posture(cell) if q is None else q)
     before = memory.commanded.motion.q
     for _ in range(ticks):
         q = memory.commanded.motion.q
-        memory, outputs = control.tick(memory, given(cell, control, q, before, **told))
+        memory, outputs = control.tick(memory, given(cell, control, q, before - behind, **told))
         before = q
         yield q, outputs, memory.commanded.motion
 
@@ -240,6 +243,20 @@ def test_a_lift_at_its_limit_leaves_the_rest_to_the_arms(cell, control, world):
     assert q[1] > start[1] + 1e-3
     assert granted["left"][2] > 0.09
     assert np.abs(granted["right"]).max() < 1e-3
+
+
+def test_a_lift_that_its_leash_holds_is_made_up_for_by_both_arms(cell, control, world):
+    """Barriers know that it moves two tools: one goes on, and the other stays."""
+    behind = np.zeros(16)
+    behind[1] = cell.config.mechanism.drives[1].leash + 5e-4
+    ticks = led(cell, control, behind=behind, left=stick(0.0, 0.0, 0.1, 0.0, 0.0, 0.0))
+    *_, (q, outputs, motion) = ticks
+    assert outputs[0].desired.dq[1] > 0.02
+    assert motion.dq[1] == pytest.approx(0.0, abs=1e-6)
+    granted = {n: true_jacobian(world, q, n)[0] @ motion.dq for n in ("left", "right")}
+    assert granted["left"][2] > 0.02
+    assert np.abs(np.delete(granted["left"], 2)).max() < 0.002
+    assert np.abs(granted["right"]).max() < 0.002
 
 
 def test_a_stop_goes_to_rest_in_proportion_and_the_tools_stay_on_their_line(cell, control, world):
