@@ -397,6 +397,8 @@ CHANGE: Final = 0.25
 """What an arc counts for that is another than the last one [1]."""
 FOLLOWS_S: Final = 1.0
 """A base that is told to turn does so within about this time [s]."""
+LOOKS_AGAIN_S: Final = 0.5
+"""Where no arc was free, all are looked at again after so long [s]: it takes as long as a scan."""
 OWN_TURN: Final = 0.03
 """Where it was told to turn by so much, and did not, somebody else turns it [rad]."""
 
@@ -407,7 +409,7 @@ class Steering:
     def __init__(self, most: float) -> None:
         """Build it for curvatures of at most so much [1/m]; 0: it never steers."""
         self._arcs = most * np.arange(-ARCS, ARCS + 1) / ARCS
-        self._most = most
+        self._most, self._step = most, most / ARCS
         self.forget()
 
     def forget(self) -> None:
@@ -417,6 +419,7 @@ class Steering:
         self._owed = self._told = self._did = 0.0
         """What is to be turned back, what was told lately, and what was turned [rad]."""
         self._before: tuple[float, Pose] | None = None
+        self._again_s = -math.inf
 
     def step(self, time_s: float, base: Pose, blocked: Callable[[float], bool]) -> float:
         """Return the curvature to be driven on [1/m].
@@ -433,12 +436,19 @@ class Steering:
         if not blocked(wanted):
             self.curvature = wanted
             return wanted
+        if time_s < self._again_s:
+            return self.curvature
+        if self.curvature != 0.0 and not blocked(self.curvature):
+            change = min(max(wanted - self.curvature, -self._step), self._step)
+            if not blocked(self.curvature + change):
+                self.curvature += change
+            return self.curvature
         cost = np.abs(self._arcs - wanted) + CHANGE * np.abs(self._arcs - self.curvature)
         for k in np.argsort(cost, kind="stable").tolist():
             if not blocked(float(self._arcs[k])):
                 self.curvature = float(self._arcs[k])
                 return self.curvature
-        self.curvature = 0.0
+        self.curvature, self._again_s = 0.0, time_s + LOOKS_AGAIN_S
         return 0.0
 
     def _count(self, time_s: float, base: Pose) -> None:

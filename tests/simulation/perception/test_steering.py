@@ -38,7 +38,7 @@ def test_the_base_steers_around_a_pillar_and_is_on_its_heading_again(
     x, y, *_, yaw = result.truths[-1].frames["base"]
     assert x > 3.0
     assert least < y < most
-    assert abs(yaw) < 0.06
+    assert abs(yaw) < 0.1
     s = result.summary
     assert (s["failure"], s["limit_violations"], s["mode"]) == (None, 0, "enabled")
     assert s["min_clearance_m"] > 0.05

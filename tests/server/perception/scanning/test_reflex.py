@@ -301,9 +301,13 @@ def test_where_no_arc_is_free_it_goes_straight_on_so_that_the_reflex_stops_it() 
         tried.append(curvature)
         return True
 
-    at = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3)
-    assert Steering(0.8).step(0.0, at, blocked) == 0.0
+    at, steering = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), Steering(0.8)
+    assert steering.step(0.0, at, blocked) == 0.0
     assert len(tried) == 2 * ARCS + 2
+    tried.clear()
+    assert steering.step(0.4, at, blocked) == 0.0
+    assert len(tried) == 1  # a look at all of them costs much
+    assert steering.step(0.5, at, lambda curvature: abs(curvature) < 0.45) == -0.5
     tried.clear()
     assert Steering(0.0).step(0.0, at, blocked) == 0.0
     assert tried == []
