@@ -11,6 +11,11 @@ from .exhibits import PAPERS
 PAGE: Final = "README.md"
 BAR: Final = "\\|"
 """A bar inside a table's cell."""
+RESIDUE: Final = 1e-6
+"""An upper bound this small is one of rounding and truncation: of what stays below it only the
+power of ten is told, since its digits are those of one machine."""
+FINEST: Final = 1e-3
+"""Part of half a range that is still told."""
 HEAD: Final = """# The five papers, computed again
 
 Every table, figure and result that the five papers print, computed by telerobot: our curves in
@@ -19,7 +24,8 @@ which fails when a number leaves the range beside it.
 
 *Allowed* is the printed value with the tolerance of its digits or of its drawing. Where a paper
 prints a picture or an inequality only, the range is that inequality, or an independent
-computation, or, with *left open*, what we got when the row was written.
+computation, or, with *left open*, what we got when the row was written. Of what only rounding
+leaves, the power of ten is told that it stays below.
 
 """
 
@@ -70,8 +76,18 @@ def heading(exhibit: Exhibit) -> str:
 
 def row(number: Number) -> str:
     """Return a number's row of the table."""
-    cells = number.what, number.unit, number.printed, allowed(number), f"{number.ours:.4g}"
+    cells = number.what, number.unit, number.printed, allowed(number), ours(number)
     return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
+
+
+def ours(number: Number) -> str:
+    """Return our value in words: to four digits, and no finer than its range can tell."""
+    value, half = number.ours, 0.5 * (number.high - number.low)
+    if math.isinf(number.low) and 0.0 < value <= number.high <= RESIDUE:
+        return f"< {10.0 ** (math.floor(math.log10(value)) + 1):.0e}"
+    if 0.0 < half < math.inf and abs(value) < FINEST * half:
+        value = 0.0
+    return f"{value:.4g}"
 
 
 def allowed(number: Number) -> str:

@@ -8,6 +8,7 @@ from telerobot.protocols.messages.rig import RigTruth
 from telerobot.protocols.messages.telemetry import State
 from telerobot.server.control.spatial import Array
 from telerobot.tools.scripts.script import Script, load_script
+from telerobot.tools.simulation.judges import ViewJudge
 from telerobot.tools.simulation.simulation import Simulation
 
 
@@ -19,6 +20,8 @@ class Run(NamedTuple):
     summary: dict[str, Any]
     start_s: float
     """When the script began [s]."""
+    view: ViewJudge
+    """Knows the true views that were stored."""
 
     @property
     def times(self) -> Array:
@@ -34,4 +37,6 @@ def run(cell: Cell | str, script: Script | str) -> Run:
     found = simulation.run()
     if found.summary["failure"] is not None or found.summary["limit_violations"]:
         raise ValueError(f"{cell.config.name}: {found.summary}")
-    return Run(found.states, found.truths, found.summary, simulation.player.start_s)
+    return Run(
+        found.states, found.truths, found.summary, simulation.player.start_s, simulation.view
+    )

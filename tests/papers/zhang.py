@@ -3,34 +3,49 @@
 import math
 import tempfile
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.server.control.arm import Arm
 from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
 from telerobot.server.control.inputs import Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
+from telerobot.server.control.mechanism.potentials import manipulability_slope
 from telerobot.server.control.scene import Flags
 from telerobot.server.control.spatial import Array, Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.control.wheels import DifferentialDrive, Rolled
 from telerobot.server.perception.scanning.contour import crossed
 from telerobot.server.perception.scanning.reflex import CriticalPoints
+from telerobot.tools.scripts.script import Script
 
 from .exhibit import Exhibit, Paper, Shown, at_least, at_most, near, recalled
 from .lwa3 import PLANE, START, bridge, search, touched
 from .rover import FOOT, Rover, filled, found_and_false
-from .runs import run
+from .runs import Run, run
 from .style import BOUND, COLOURS, PRINTED, above, label, panels, svg
 
-ROVER, SCANNING = "rover", "rover_bridge"
+ROVER, SCANNING, SKIDDING = "rover", "rover_bridge", "rover_skid"
 ROLLING: Final = DifferentialDrive(radius=0.12, track=0.5)
 """The base of the cell `rover`."""
 K, STEP_S, STEPS = 1.0, 1e-3, 1000
+REACHED_OUT_S: Final = 5.3
+"""When the arm has reached out, and its tool is held in World [s]."""
+HERE: Final = {"xyz": (0.0, 0.0, 0.0), "rpy": (0.0, 0.0, 0.0), "relative_to": "mrf"}
+REACHING: Final[Any] = [
+    {"at_s": 0.2, "cmd/posture": {"posture": "ready"}},
+    {"at_s": 2.5, "cmd/position": {**HERE, "xyz": (0.0, 0.0, 0.28), "speed": 0.25}},
+    {"at_s": 5.0, "operator/frame": {"frame": "crf", "moves_with": "world"}},
+    {"at_s": 5.2, "cmd/position": HERE},
+]
+ARM: Final = slice(2, None)
+"""The arm's joints, behind the wheels, whose angles change nothing of it."""
+SPOT_S: Final = (5.5, 8.0)
+"""While the script `skid` turns the base on the spot, at an even rate [s]."""
 HEIGHT_M, STUCK_M = 0.60, 0.65
 """Undersides of bridges below which the printed order leads through, and to and fro [m]."""
 
@@ -107,6 +122,152 @@ def kinematics() -> Shown:
         ],
         svg(figure),
     )
+
+
+# --- Equation 7: η_s of the whole robot -----------------------------------------------------------
+
+
+def dexterity(mechanism: Mechanism, q: Array) -> float:
+    """Return √det(J_n J_nᵀ) of base and arm."""
+    J = mechanism.kinematics(q, Pose.identity(), Pose.identity()).J
+    return math.sqrt(max(0.0, float(np.linalg.det(J @ J.T))))
+
+
+def worst_slope(postures: int) -> float:
+    """Return how far the server's slope of that is off finite differences, in parts of it."""
+    cell = load_cell(ROVER)
+    mechanism, draw, h, worst = Mechanism.from_cell(cell), np.random.default_rng(2), 1e-5, 0.0
+    low = [max(joint.lower, -3.0) for joint in cell.robot.joints]
+    high = [min(joint.upper, 3.0) for joint in cell.robot.joints]
+    for _ in range(postures):
+        q = draw.uniform(low, high)
+        J = mechanism.kinematics(q, Pose.identity(), Pose.identity()).J
+        slope = manipulability_slope(J, mechanism.rank)[1]
+        steps = h * np.eye(len(q))
+        found = [
+            (dexterity(mechanism, q + s) - dexterity(mechanism, q - s)) / (2 * h) for s in steps
+        ]
+        off = float(np.abs(slope - found)[ARM].max())
+        worst = max(worst, off / float(np.abs(found).max()))
+    return worst
+
+
+def held(objectives: tuple[str, ...]) -> Run:
+    """Return a run that reaches out, and then holds its tool in World for ten seconds.
+
+    The base takes part in the `objectives`.
+    """
+    keys = {"mechanism.base.objectives": objectives, "redundancy.manipulability": 2.0}
+    cell = altered(load_cell(ROVER), keys | {"redundancy.posture": 0.0})
+    return run(cell, Script.model_validate({"duration_s": 15.2, "step": REACHING}))
+
+
+def eta_s() -> Shown:
+    """Show a base that goes where base and arm are more dexterous, and the tool meanwhile."""
+    mechanism = Mechanism.from_cell(load_cell(ROVER))
+    figure, (left, middle, right) = panels(1, 3, 2.7)
+    off, way, values = [], [], []
+    for objectives, colour, name in (
+        (("manipulability",), COLOURS[0], "base and arm"),
+        ((), "0.6", "arm alone"),
+    ):
+        found = held(objectives)
+        late = found.times > REACHED_OUT_S
+        t = found.times[late] - REACHED_OUT_S
+        truths = [truth for truth, chosen in zip(found.truths, late, strict=True) if chosen]
+        q = np.array([truth.q for truth in truths])
+        value = np.array([dexterity(mechanism, each) for each in q[::10]])
+        base = np.array([truth.frames["base"][0] for truth in truths])
+        tool = np.array([truth.pose_mrf[:3] for truth in truths])
+        moved = np.linalg.norm(tool - tool[0], axis=1)
+        left.plot(t[::10], value, color=colour, label=name)
+        middle.plot(t, base - base[0], color=colour)
+        right.plot(t, 1e3 * moved, color=colour)
+        off.append(float(moved.max()))
+        way.append(float(base[-1] - base[0]))
+        values.append(value)
+    right.axhline(0.0, **BOUND, label="not affected at all")
+    right.legend()
+    label(left, "time [s]", "√det(JₙJₙᵀ)")
+    label(middle, "time [s]", "way of the base [m]")
+    label(right, "time [s]", "tool moved [mm]")
+    above(figure, left)
+    numbers = [
+        at_most("slope of √det(JₙJₙᵀ) off finite differences", worst_slope(20), "0", 1e-6),
+        at_most("tool moved, base and arm", off[0], "not affected", 1e-3, "m"),
+        at_most("tool moved, arm alone", off[1], "not affected", 1e-3, "m"),
+        recalled("way of the base", way[0], "left open", -0.14, 0.01, "m"),
+        at_most("way of the base, arm alone", abs(way[1]), "0", 1e-3, "m"),
+        recalled("√det(JₙJₙᵀ) at first", float(values[0][0]), "left open", 0.017, 5e-4),
+        recalled("at the end, base and arm", float(values[0][-1]), "greater", 0.023, 5e-4),
+        recalled("at the end, arm alone", float(values[1][-1]), "left open", 0.017, 5e-4),
+    ]
+    return Shown(numbers, svg(figure))
+
+
+# --- Section 2.1: a base on four driven wheels skids ----------------------------------------------
+
+
+class Driven(NamedTuple):
+    """A run of the script `skid`: where Base is, and where it is taken to be, from its start."""
+
+    t: Array
+    """(t,) [s]"""
+    true: Array
+    """x, y and yaw (t, 3) [m, rad]."""
+    told: Array
+    """The same by the wheels, or by wheels and gyroscope."""
+
+    @property
+    def off(self) -> Array:
+        """How far they are apart (t, 2) [m, rad]."""
+        x, y, yaw = (self.told - self.true).T
+        return np.stack((np.hypot(x, y), np.abs(yaw)), axis=1)
+
+
+def driven(*, rolls: bool = False, gyroscope: bool = False) -> Driven:
+    """Return a run of the script `skid`; it `rolls` by eq. 3, where wheels are told not to skid."""
+    keys: dict[str, object] = {} if gyroscope else {"mechanism.imu": None}
+    if rolls:
+        keys |= {"mechanism.base.wheels.slip_factor": 1.0, "mechanism.base.wheels.centre": 0.0}
+    cell = altered(load_cell(SKIDDING), keys)
+    found = run(cell, "skid")
+    t = np.array([state.time_s for state in found.states]) - found.start_s
+    told = np.array([state.frames["base"] for state in found.states])[:, [0, 1, 5]]
+    true = np.array([truth.frames["base"] for truth in found.truths])[:, [0, 1, 5]]
+    at = np.searchsorted(found.times, t).clip(max=len(true) - 1)
+    true, told = true[at] - true[0], told - told[0]
+    return Driven(t, *(np.column_stack((x[:, :2], np.unwrap(x[:, 2]))) for x in (true, told)))
+
+
+def skid() -> Shown:
+    """Show where a base on four wheels is, and where it is by eq. 3, with and without skidding."""
+    printed, ours, felt = driven(rolls=True), driven(), driven(rolls=True, gyroscope=True)
+    figure, axes = panels(1, 3, 2.9)
+    for ax, found, colour, name in (
+        (axes[0], printed, COLOURS[1], "eq. 3, as printed"),
+        (axes[1], ours, COLOURS[0], "with slip factor and centre"),
+    ):
+        ax.plot(found.true[:, 0], found.true[:, 1], color="0.6", label="true")
+        ax.plot(found.told[:, 0], found.told[:, 1], color=colour)
+        axes[2].plot(found.t, found.off[:, 1], color=colour, label=name)
+        ax.axis("equal")
+        label(ax, "x [m]", "y [m]" if ax is axes[0] else "", name)
+    axes[2].plot(felt.t, felt.off[:, 1], color=COLOURS[2], label="eq. 3 and a gyroscope")
+    axes[0].legend()
+    label(axes[2], "time [s]", "heading off [rad]")
+    above(figure, axes[2])
+    spot = (ours.t > SPOT_S[0]) & (ours.t < SPOT_S[1])
+    turned, rolled = (abs(float(np.ptp(x[spot, 2]))) for x in (printed.true, printed.told))
+    numbers = [
+        at_least("heading off at the end, eq. 3", float(printed.off[-1, 1]), "0", 0.1, "rad"),
+        at_most("with slip factor and centre", float(ours.off[-1, 1]), "0", 0.02, "rad"),
+        at_most("eq. 3 and a gyroscope", float(felt.off[-1, 1]), "0", 0.02, "rad"),
+        at_least("place off at the end, eq. 3", float(printed.off[-1, 0]), "0", 0.1, "m"),
+        at_most("with slip factor and centre", float(ours.off[-1, 0]), "0", 0.06, "m"),
+        recalled("turn by eq. 3 over the true one, on the spot", rolled / turned, "1", 1.62, 0.05),
+    ]
+    return Shown(numbers, svg(figure))
 
 
 # --- Figures 6 and 7: cells that the arm's lines forbid, and the printed order --------------------
@@ -304,6 +465,35 @@ ZHANG = Paper(
             "The tool's error by the server's resolution, from 0.30 m and 0.30 rad, K = 1 /s.",
             'make papers ARGS="--only kinematics"',
             kinematics,
+        ),
+        "eta_s": Exhibit(
+            "Eq. 7",
+            "η_s of the whole robot",
+            "η_s is an arbitrary vector of nine entries for the secondary task, and does not "
+            "affect the control of the end-effector at all.",
+            "No η_s is printed, and no result of one. J_n⁺ of eq. 7 adds m/s and rad/s, so that "
+            "base and arm share the work by the choice of units: the server weighs the base "
+            "(`base.weight`). With eq. 3's v and ω in place of wheels √det(JₙJₙᵀ) is another "
+            "number with another slope, too; ours is per radian of a wheel.",
+            "An arm that has reached out, its tool held in World from 0 s on, on a base that takes "
+            "part in climbing √det(JₙJₙᵀ) (`base.objectives`), and on one that does not; in the "
+            "physics.",
+            'make papers ARGS="--only eta_s"',
+            eta_s,
+        ),
+        "skid": Exhibit(
+            "Section 2.1, eq. 3",
+            "Four driven wheels that skid",
+            "A base with four driven wheels, which is taken to roll without slipping: its rates "
+            "are v and ω.",
+            "Wheels on two axles have to skid where the base turns, so that eq. 3 does not hold "
+            "for the printed robot. The base turns as if its track were wider, with even loads by "
+            "1 + (L / b)² = 1.64 for our axles L = 0.4 m apart on a track of b = 0.5 m, and about "
+            "a point towards the heavier end. Both are measured, 1.62 and 0.1 m ahead, and keys of "
+            "the cell.",
+            "An arc, a turn on the spot and a way ahead, in the physics: truly, and by odometry.",
+            'make papers ARGS="--only skid"; telerobot simulate rover_skid skid',
+            skid,
         ),
         "order": Exhibit(
             "Figs. 6 and 7, eqs. 12 and 13",

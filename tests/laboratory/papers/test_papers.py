@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from laboratory.papers import cli, page
-from laboratory.papers.exhibit import Number, Shown, at_least, near
+from laboratory.papers.exhibit import Number, Shown, at_least, at_most, near
 from laboratory.papers.exhibits import EXHIBITS, PAPERS
 
 
@@ -35,6 +35,15 @@ def test_a_bar_in_a_number_s_name_is_no_column():
     text = (cli.FOLDER / page.PAGE).read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert {len(re.split(r"(?<!\\)\|", row)) for row in rows} == {7}
+
+
+def test_what_rounding_leaves_is_told_by_its_power_of_ten_and_a_zero_without_sign_or_digits():
+    told = [page.ours(at_most("residue", x, "0", 1e-6)) for x in (5.3e-10, 4.2e-10, 0.0, 2e-6)]
+    assert told == ["< 1e-09", "< 1e-09", "0", "2e-06"]
+    told = [page.ours(near("torque", x, 0.0, 5.1e-5)) for x in (-6.7e-17, 1.1e-15, -2e-6)]
+    assert told == ["0", "0", "-2e-06"]
+    assert page.ours(near("torque", -0.91614, -0.9161, 5.1e-5)) == "-0.9161"
+    assert page.ours(at_most("off", 0.00234, "0", 0.01)) == "0.00234"
 
 
 def test_an_exhibit_is_shown_and_the_page_is_left_alone(tmp_path, capsys):
