@@ -340,6 +340,7 @@ HOLD_TOGETHER = _request("hold_together", requests.HoldTogether)
 MARK = _request("mark", requests.MarkRequest)
 REDUNDANCY = _request("redundancy", motion.RedundancyRequest)
 FREE_AXES = _request("free_axes", motion.FreeAxesRequest)
+VIRTUAL_LINKS = _request("virtual_links", motion.VirtualLinksRequest)
 LOAD_SHARES = _request("load_shares", motion.LoadSharesRequest)
 TUNNEL = _request("tunnel", motion.TunnelRequest)
 PATH_CONTROL = _request("path", motion.PathRequest)
@@ -374,7 +375,8 @@ TOPICS: tuple[Topic, ...] = (
     SIGHTING, OBSTACLE, CONTOUR, FRAME_NEWS, PICTURE, VIDEO, SCAN,
     LEASE, RELEASE, MODE, PROTECTIVE_STOP, PROTECTIVE_CLEAR, GAIN, SWITCH, FRAME, SPEED, TARE,
     PAYLOAD, ACKNOWLEDGE_LOAD, GRIPPER, HOLD_TOGETHER, MARK, STORE_VIEW,
-    REDUNDANCY, FREE_AXES, LOAD_SHARES, TUNNEL, PATH_CONTROL, CLUTCH, AVOIDANCE, REFLECT,
+    REDUNDANCY, FREE_AXES, VIRTUAL_LINKS, LOAD_SHARES, TUNNEL, PATH_CONTROL, CLUTCH, AVOIDANCE,
+    REFLECT,
     STATE, REFLECTION, EVENT, DESCRIPTION, TICK, HELD,
     RIG_FAULT, RIG_MOTION, RIG_TRUTH,
 )  # fmt: skip

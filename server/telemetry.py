@@ -9,7 +9,7 @@ from ..config.load import Cell, joint_part
 from ..config.schema.joint_task import JointTaskSection
 from ..config.schema.sources import SOURCES
 from ..protocols.canopen.cia402 import DriveState
-from ..protocols.messages.messages import VERSION
+from ..protocols.messages.messages import VERSION, Value
 from ..protocols.messages.telemetry import (
     Description,
     RecordedTick,
@@ -18,6 +18,7 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
+from .control.inputs import VirtualLinks
 from .control.mechanism.redundancy import FieldReading, Near
 from .control.spatial import Array
 from .control.state import Output
@@ -162,6 +163,7 @@ def _of_task(
     external, passage = perception.collisions.external, perception.passage
     seen, desired, task, held = output.seen, output.desired, output.task, output.held
     found, near, settings = desired.found, seen.near, commands.settings
+    links = settings.links
     path, tunnel, payload = task.position.progress, settings.tunnel, settings.payload
     target, master, by_hand = commands.target, commands.master, commands.self_motion.goal
     poses: dict[str, Any] = {}
@@ -230,6 +232,9 @@ def _of_task(
         "sigma_min": found.sigma_min if math.isfinite(found.sigma_min) else -1.0,
         "potential": None if found.field is None else potential(found.field),
         "off_path": None if task.off_path is None else tuple(task.off_path.tolist()),
+        "links": None if links is None else _told(links),
+        "link_directions": () if links is None else links.directions,
+        "link_offs": () if task.off_path is None else tuple((found.links @ task.off_path).tolist()),
         "spheres": {} if near is None else sphere_distances(near),
         "priority": None if near is None else near.alpha,
         "insertion": unit.arm.body.telemetry(found.insertion),
@@ -237,6 +242,11 @@ def _of_task(
         "tunnel_open": 0 if tunnel is None else tunnel.open,
         "at_goal": output.at_goal or commands.goals.posture_reached,
     }
+
+
+def _told(links: VirtualLinks) -> dict[str, Value]:
+    """Return how virtual links are set, but for their directions."""
+    return {"axes": links.axes, "always": links.always, "stiffness": links.stiffness}
 
 
 class Telemetry:

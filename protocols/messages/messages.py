@@ -303,6 +303,32 @@ class FreeAxesRequest(TaskCommand):
         return self
 
 
+_Part = Annotated[float, Field(ge=-1, le=1)]
+
+
+class VirtualLinksRequest(TaskCommand):
+    """Sets the virtual links along which the tool may leave its path; what is not given stays.
+
+    `directions` are of one or two links, square to each other, in `axes`; with none of them the
+    tool comes back to its path, and stays on it. The other fields are those of the cell file, whose
+    bounds hold here. What the links ask of the tool fades, and begins anew; nothing jumps. With
+    `reset` the cell's hold again, but for what is given.
+    """
+
+    directions: tuple[tuple[_Part, _Part, _Part], ...] | None = Field(None, max_length=2)
+    axes: Literal["world", "mrf", "crf", "path"] | None = None
+    always: bool | None = None
+    stiffness: float | None = Field(None, gt=0, le=1e4)
+    reset: bool = False
+
+    @model_validator(mode="after")
+    def _says_something(self) -> "VirtualLinksRequest":
+        told = (self.directions, self.axes, self.always, self.stiffness)
+        if not self.reset and all(each is None for each in told):
+            raise ValueError("give directions, axes, always, stiffness, or reset")
+        return self
+
+
 Weight = Annotated[float, Field(ge=1e-3, le=1e3)]
 """Beyond, one arm carries all: what is left of the others' shares is rounding."""
 

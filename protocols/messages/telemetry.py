@@ -24,7 +24,9 @@ class TaskState(Message):
     say, `on` the sources' switches. `self_motion` is what the null space was asked to do [rad/s],
     `objectives` each redundancy objective's gain and the size of its part [rad/s]. `potential`
     tells of the field, if anything follows it: its parts [J], and the `slope` that is left of it in
-    the self-motions [N·m]; `off_path` is where the virtual link has the tool off its path [m].
+    the self-motions [N·m]; `off_path` is where virtual links have the tool off its path, in World
+    [m]. `links` tells how they are set (`axes`, `always`, `stiffness`), None in a cell without any,
+    `link_directions` where they point in those axes, and `link_offs` how much of it is on each [m].
     `axes_held` tells how far the task holds each axis of its MRF: 1, and 0 for one that is free.
     `arm_angle` is where the commanded elbow is on its circle about the line from shoulder to wrist
     [rad]: 0 furthest along the first shoulder axis, positive right-handed about the way from
@@ -93,6 +95,9 @@ class TaskState(Message):
     sigma_min: float
     potential: dict[str, float] | None = None
     off_path: Vector3 | None = None
+    links: dict[str, Value] | None = None
+    link_directions: tuple[Vector3, ...] = ()
+    link_offs: tuple[float, ...] = ()
     spheres: dict[str, float] = Field(default_factory=dict)
     priority: float | None = None
     insertion: dict[str, float] | None = None

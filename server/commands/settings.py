@@ -11,9 +11,9 @@ from pydantic import ValidationError
 from ...config.schema.cell import CellConfig
 from ...config.schema.null_space import OBJECTIVES, ObjectivesSection
 from ...protocols.messages import requests
-from ...protocols.messages.messages import RedundancyRequest
+from ...protocols.messages.messages import RedundancyRequest, VirtualLinksRequest
 from ..control.axes import holding
-from ..control.inputs import ObjectiveGains, Payload, Settings, ToldTunnel
+from ..control.inputs import ObjectiveGains, Payload, Settings, ToldTunnel, VirtualLinks
 from ..control.spatial import Array, Pose
 from ..refusals import Refused, Why
 from ..stability.judgement import WRENCH_SOURCES, LoopBounds, Verdict
@@ -69,6 +69,9 @@ class OperatorSettings:
         self.shares: Array | None = None
         """Diagonals of W (k, 6) that an operator told a joint task; None: the cell's are in force.
         """
+        self._own_links = config.potential.virtual_link
+        self.links = None if self._own_links is None else VirtualLinks.of(self._own_links)
+        """Along which the tool may leave its path; None in a cell without any."""
         self.wrench_bias = np.zeros(6) if sensor is None else -np.array(sensor.bias)
         self.T_wrist_sensor = None
         """None without a sensor."""
@@ -123,6 +126,7 @@ class OperatorSettings:
             "held": self.held,
             "tunnel": self.tunnel,
             "shares": self.shares,
+            "links": self.links,
         }
         now = (*made_of.values(), *self.gains.values(), *self.on.values(), self.sensor_share)
         if not all(map(is_, now, self._made_of)):
@@ -174,6 +178,24 @@ class OperatorSettings:
             raise Refused(Why.OUT_OF_RANGE, f"{name}: gain {request.gain:g}: {complaint}") from None
         q = self.objectives.posture if request.posture is None else self.posture(request.posture)
         self.objectives = ObjectiveGains({**self.objectives.gains, name: request.gain}, q)
+
+    def set_links(self, request: VirtualLinksRequest) -> None:
+        """Set the virtual links.
+
+        Raises `Refused` in a cell without any, and for what the cell file may not have.
+        """
+        own, now = self._own_links, self.links
+        if own is None or now is None:
+            raise Refused(Why.NOT_NOW, "the cell has no [potential.virtual_link]")
+        given = request.model_dump(include=set(VirtualLinks._fields), exclude_none=True)
+        told = (VirtualLinks.of(own) if request.reset else now)._replace(**given)
+        if told.directions:
+            try:
+                type(own).model_validate({**own.model_dump(), **told._asdict()})
+            except ValidationError as error:
+                complaint = error.errors()[0]["msg"].removeprefix("Value error, ")
+                raise Refused(Why.OUT_OF_RANGE, f"virtual link: {complaint}") from None
+        self.links = told
 
     def set_payload(
         self, request: requests.PayloadRequest, weighed: Callable[[Payload], bool] | None = None

@@ -19,7 +19,7 @@ from .actuation.actuation import (
     by_position,
 )
 from .actuation.torque import TorqueLaw
-from .axes import HeldAxes, holding
+from .axes import FREE_TIME_S, HeldAxes, holding
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed
 from .barriers.clearance import BarrierInputs, Shown
@@ -39,9 +39,9 @@ from .bodies.rates import (
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
-from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings
+from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings, VirtualLinks
 from .mechanism.model import Dynamics, Mechanism
-from .mechanism.redundancy import Field, Redundancy, advance_offset, on_path
+from .mechanism.redundancy import Field, LinkState, Redundancy, advance_offset, on_path
 from .mechanism.resolution import FOLDING, JointMotion, at_posture, bend, resolve
 from .mechanism.self_motion import IDLE as IDLE_HAND
 from .mechanism.self_motion import LATE, NONE_SPARE
@@ -278,6 +278,8 @@ class Arm:
         dynamics = Dynamics(mechanism, p.rotor_inertia, p.T_wrist_sensor)
         self.redundancy = Redundancy(joints, dynamics, p.redundancy, p.pull_posture)
         field = Field(joints, p.potential, p.capsules, mechanism.rank)
+        self.links = field.links
+        """Virtual links of the cell file; None without any."""
         self.body = build(p, mechanism, self.redundancy, field)
         room = JointLimits(joints, T)
         self.joint_motion = JointMotion(joints.velocity, room.approach)
@@ -340,6 +342,7 @@ class Arm:
         base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
         task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
+        links = None if self.links is None else self._links(memory, inputs, self.links)
         placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(motion.q[None], base)
@@ -370,13 +373,20 @@ class Arm:
             seen,
             acting,
             off_path=task.off_path,
-            way=task.position.way,
+            links=links,
+            way=task.position.way if links is not None else NO_LEVER,
             insertion=memory.insertion,
             by_hand=memory.by_hand,
             settled=settled,
         )
         memory = evolve(
-            memory, wrist=wrist, task=task, objectives=objectives, moving_since_s=since_s, near=near
+            memory,
+            wrist=wrist,
+            task=task,
+            objectives=objectives,
+            moving_since_s=since_s,
+            near=near,
+            links=links,
         )
         return Question(memory, seen, self.led(twists, request, whole, stance))
 
@@ -427,6 +437,16 @@ class Arm:
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
         return task, objectives, since_s if moving else None
+
+    def _links(self, memory: ArmMemory, inputs: Inputs, own: VirtualLinks) -> LinkState:
+        """Return the virtual links in effect, `own` ones where no others were told.
+
+        They change smoothly while the arm moves.
+        """
+        told, before = inputs.settings.links or own, memory.links
+        if before is None or inputs.intent is not Intent.MOVE:
+            return LinkState(told)
+        return before.changed(told, self.p.period_s / FREE_TIME_S)
 
     # --- what is asked for -------------------------------------------------------------------
 

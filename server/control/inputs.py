@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
+from ...config.schema.null_space import VirtualLinkSection
 from .scene import Moved, Scene
 from .spatial import Array, Pose
 
@@ -172,6 +173,24 @@ class JointFeedforward(NamedTuple):
 NOTHING: Final = JointFeedforward()
 
 
+class VirtualLinks(NamedTuple):
+    """Links along which the tool may leave its path, as they are set."""
+
+    directions: tuple[tuple[float, float, float], ...] = ()
+    """Of each, in its `axes`; square to each other."""
+    axes: str = "world"
+    """World's, or those of "mrf", "crf" or a straight "path"."""
+    always: bool = False
+    """Off a path too."""
+    stiffness: float = 0.0
+    """Of each one's spring [N/m]."""
+
+    @classmethod
+    def of(cls, section: VirtualLinkSection) -> Self:
+        """Return those of a cell's section."""
+        return cls(section.directions, section.axes, section.always, section.stiffness)
+
+
 # --- Settings and inputs of one tick --------------------------------------------------------------
 
 
@@ -274,6 +293,8 @@ class Settings:
     shares: Array | None = None
     """Diagonals of W (k, 6) of a payload in k hands: the dearer, the less one carries; None: the
     cell's own."""
+    links: VirtualLinks | None = None
+    """None: the cell's own, if it has any."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from .bodies.rates import ArmMeasurement, DesiredRates, Insertion
 from .grasps import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
-from .mechanism.redundancy import Near
+from .mechanism.redundancy import LinkState, Near
 from .mechanism.self_motion import IDLE, HandState
 from .mechanism.wrench import WristMemory
 from .spatial import Array, Motion, Pose
@@ -49,6 +49,8 @@ class ArmMemory:
     """Where along its curve the arm is; None for a plain arm, and for one that is not on it."""
     by_hand: HandState = IDLE
     """How far an operator's self-motion has come."""
+    links: LinkState | None = None
+    """The virtual links in effect; None for an arm without any, and before it moves."""
 
 
 class Memory(NamedTuple):

@@ -664,6 +664,8 @@ def serve_unit(message: m.Message, unit: Unit | JointUnit) -> None:
             events.info("objective_set", message.objective, gain=message.gain)
         case motion.FreeAxesRequest():
             _free_axes(message, unit)
+        case motion.VirtualLinksRequest():
+            _link(message, unit)
         case motion.LoadSharesRequest():
             _share_out(message, unit)
         case motion.ClutchRequest():
@@ -706,6 +708,24 @@ def _free_axes(message: motion.FreeAxesRequest, unit: Unit | JointUnit) -> None:
     commands.goals.idle = False
     _know_ranks(unit)
     unit.events.info("axes_freed" if message.axes else "axes_held", ", ".join(message.axes))
+
+
+def _link(message: motion.VirtualLinksRequest, unit: Unit | JointUnit) -> None:
+    """Set the virtual links; raises `Refused` where a tool has none of its own."""
+    if isinstance(unit, JointUnit):
+        raise Refused(Why.NOT_NOW, f"arms hold '{unit.task}' together: it leaves its path nowhere")
+    settings = unit.commands.settings
+    settings.set_links(message)
+    links = settings.links
+    if links is not None:
+        unit.events.info(
+            "links_set",
+            "",
+            directions=str([list(direction) for direction in links.directions]),
+            axes=links.axes,
+            always=links.always,
+            stiffness=links.stiffness,
+        )
 
 
 def _share_out(message: motion.LoadSharesRequest, unit: Unit | JointUnit) -> None:

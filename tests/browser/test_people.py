@@ -77,7 +77,7 @@ def test_every_topic_of_an_operator_has_a_control(site):
         "cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/self_motion", "cmd/drive",
         "cmd/master_pose", "operator/lease", "operator/release", "operator/protective_stop",
         "operator/protective_clear", "operator/free_axes",
-        "operator/load_shares",
+        "operator/virtual_links", "operator/load_shares",
     }  # fmt: skip
     assert offered | with_controls == {topic.key for topic in (*t.COMMANDS, *t.REQUESTS)}
 

@@ -14,7 +14,7 @@ from ..axes import HeldAxes
 from ..inputs import DriveRequest, Settings, ToldTunnel
 from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
-from ..mechanism.redundancy import Field, Redundancy, shifted
+from ..mechanism.redundancy import NO_DIRECTIONS, Field, Redundancy, shifted
 from ..mechanism.resolution import Resolved, Travel, resolve
 from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
@@ -93,9 +93,12 @@ class Resolver:
             view = self._field.look(
                 q, k, inputs.scene, request.objectives, seen.T_world_base, seen.placed, held
             )
-        R_crf, led = inputs.settings.T_world_crf.R, inputs.goal is not None
-        links = self._field.directions(k.T_world_mrf.R, R_crf, request.way)
-        give_way = self._field.give_way(view, request.off_path, led, factor, links)
+        give_way, links = None, NO_DIRECTIONS
+        if (state := request.links) is not None:
+            R_mrf, R_crf = k.T_world_mrf.R, inputs.settings.T_world_crf.R
+            links = self._field.directions(state.links, R_mrf, R_crf, request.way)
+            led = inputs.goal is not None
+            give_way = self._field.give_way(view, state, request.off_path, led, factor, links)
         task = self.resolve(q, k.J, shifted(request.twist, give_way), seen.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:
@@ -114,7 +117,9 @@ class Resolver:
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
         by_hand = request.by_hand if seen.moving else IDLE
-        found = JointRates(dq, self_motion, task.sigma_min, limits, felt, give_way, by_hand=by_hand)
+        found = JointRates(
+            dq, self_motion, task.sigma_min, limits, felt, give_way, links, by_hand=by_hand
+        )
         return self._led(found, k, task.null, request) if request.led_by_hand else found
 
     def _led(

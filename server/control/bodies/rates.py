@@ -8,7 +8,13 @@ import numpy as np
 from ..axes import HeldAxes
 from ..hold import STANDS, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
-from ..mechanism.redundancy import FieldReading, Near, SelfMotion
+from ..mechanism.redundancy import (
+    NO_DIRECTIONS,
+    FieldReading,
+    LinkState,
+    Near,
+    SelfMotion,
+)
 from ..mechanism.self_motion import IDLE, HandState
 from ..proximity.capsules import Placed
 from ..scene import Index
@@ -147,8 +153,10 @@ class RateRequest(NamedTuple):
     """Of its MRF, World axes (6,) [m/s, rad/s]."""
     off_path: Array | None = None
     """Where the virtual links have the tool off its path, in World (3,) [m]."""
+    links: LinkState | None = None
+    """The virtual links in effect; None for an arm without any."""
     way: Array = NO_LEVER
-    """Where a straight path goes as a whole, in World (3,) [m]; zeros without one."""
+    """Where the links' straight path goes as a whole, in World (3,) [m]; zeros without one."""
     insertion: Insertion | None = None
     """Where along its curve it was a tick ago."""
     by_hand: HandState = IDLE
@@ -179,7 +187,9 @@ class JointRates(NamedTuple):
     field: FieldReading | None = None
     """The potential field; None where nothing follows it."""
     give_way: Array | None = None
-    """Velocity along the virtual link (3,) [m/s]; None where it does not act."""
+    """Velocity along the virtual links (3,) [m/s]; None where they do not act."""
+    links: Array = NO_DIRECTIONS
+    """Where the virtual links point (k, 3), unit vectors in World."""
     synchronized: bool = False
     """The joints follow a curve: one that is held up holds up all."""
     wheels_commanded: bool = False

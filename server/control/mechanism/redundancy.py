@@ -10,7 +10,7 @@ from ....config.load import Cell
 from ....config.schema.null_space import PotentialFieldSection, PrioritySection, RedundancySection
 from ..axes import HeldAxes
 from ..compiled import MATRIX, NUMBER, ROW, VECTOR, compiled
-from ..inputs import ObjectiveGains
+from ..inputs import ObjectiveGains, VirtualLinks
 from ..joints import Joints
 from ..proximity.capsules import Capsules, Placed
 from ..proximity.pairs import ControlPointDistances, ControlPoints
@@ -276,10 +276,30 @@ ON_PATH = 1e-3
 """A virtual link shorter than this is none: the tool is on its path [m]."""
 
 _NO_LINKS = np.zeros((0, 2, 3))
+NO_DIRECTIONS = np.zeros((0, 3))
+"""Of no virtual links."""
 _UPRIGHT = 0.999
 """A path whose direction has more of World's z than this is vertical [1]."""
 _BESIDE = 1e-6
 """A tool is on its virtual links within this [m]."""
+
+
+class LinkState(NamedTuple):
+    """The virtual links in effect."""
+
+    links: VirtualLinks
+    share: float = 1.0
+    """Part of what they ask of the tool that it does: less while they change."""
+
+    def changed(self, told: VirtualLinks, step: float) -> "LinkState":
+        """Return it a period later; `told` is how the links are to be.
+
+        Their motion fades by `step`, and once it is gone that of the others begins.
+        """
+        if told == self.links:
+            return self if self.share == 1.0 else LinkState(told, min(1.0, self.share + step))
+        share = max(0.0, self.share - step)
+        return LinkState(self.links if share > 0.0 else told, share)
 
 
 class FieldReading(NamedTuple):
@@ -313,8 +333,10 @@ class Field:
         self._repels = capsules is not None and (k.obstacles > 0.0 or k.lines > 0.0)
         self._always = k.joint_limits > 0.0 or k.manipulability > 0.0 or link is not None
         """Something is felt without obstacles too."""
-        each = () if link is None else link.directions
-        self._directions = np.array([np.array(d) / math.hypot(*d) for d in each]).reshape(-1, 3)
+        self.links = None if link is None else VirtualLinks.of(link)
+        """Those of the cell file; None without any."""
+        # Scratch: the directions seen last, and their unit vectors.
+        self._directions: tuple[object, Array] = ((), NO_DIRECTIONS)
 
     def look(
         self,
@@ -354,23 +376,28 @@ class Field:
         rates, slope = self.flow.self_motion(seen, null)
         return rates, FieldReading(seen.value.parts, slope)
 
-    def directions(self, R_mrf: Array, R_crf: Array, way: Array) -> Array:
-        """Return where the virtual links point (k, 3), unit vectors in World.
+    def directions(self, links: VirtualLinks, R_mrf: Array, R_crf: Array, way: Array) -> Array:
+        """Return where virtual links point (k, 3), unit vectors in World.
 
         MRF and CRF stand at `R` (3, 3); a straight path goes a `way` (3,) [m], zeros for none.
         """
-        match "world" if self._link is None else self._link.axes:
+        if links.directions is not self._directions[0]:
+            each = [np.array(d) / math.hypot(*d) for d in links.directions]
+            self._directions = links.directions, np.array(each).reshape(-1, 3)
+        told = self._directions[1]
+        match links.axes:
             case "mrf":
-                return self._directions @ R_mrf.T
+                return told @ R_mrf.T
             case "crf":
-                return self._directions @ R_crf.T
+                return told @ R_crf.T
             case "path" if float(way @ way) > ON_PATH**2:
-                return self._directions @ path_axes(way)
-        return self._directions
+                return told @ path_axes(way)
+        return told
 
     def give_way(
         self,
         seen: FieldView | None,
+        state: LinkState,
         off_path: Array | None,
         led: bool,
         factor: float,
@@ -379,16 +406,16 @@ class Field:
         """Return the velocity (3,) [m/s] at which the tool leaves its path, or comes back.
 
         `off_path` (3,) is where it is off its path now [m], `led` tells whether a goal leads it,
-        `factor` is the reduced-speed setting, `directions` (k, 3) are those of the virtual links.
+        `factor` is the reduced-speed setting, `directions` (k, 3) are those of the links in effect.
         What links that turned have left behind is taken back. None where there is no path to leave.
         """
-        link = self._link
-        if link is None or seen is None or not (led or link.always):
+        link, (links, share) = self._link, state
+        if link is None or seen is None or not (led or links.always):
             return None
         most, velocity, left = factor * link.speed, np.zeros(3), off_path
         for direction in directions:
             d = 0.0 if off_path is None else float(off_path @ direction)
-            speed = GIVE_WAY_GAIN * self.flow.along(seen, direction, d, link.stiffness)
+            speed = GIVE_WAY_GAIN * self.flow.along(seen, direction, d, links.stiffness)
             # Towards either end no faster than it can be stopped before.
             low = max(-most, GIVE_WAY_GAIN * (-link.longest - d))
             high = min(most, GIVE_WAY_GAIN * (link.longest - d))
@@ -396,8 +423,8 @@ class Field:
             left = None if left is None else left - d * direction
         beside = 0.0 if left is None else math.sqrt(float(left @ left))
         if left is None or beside < _BESIDE:
-            return velocity
-        return np.asarray(velocity - min(GIVE_WAY_GAIN, most / beside) * left)
+            return share * velocity
+        return np.asarray(share * (velocity - min(GIVE_WAY_GAIN, most / beside) * left))
 
     def _among(self, k: Kinematics, scene: Scene | None) -> Scene | None:
         """Return what repels the links, where it is now; None if nothing does."""

@@ -100,3 +100,55 @@ def test_a_ball_over_the_path_is_passed_clear_with_the_setting_as_shipped(above)
     assert run.summary["contact_peak_n"] == 0.0
     assert run.summary["min_clearance_m"] > cell.config.avoidance.clearance
     assert run.states[-1].pose_mrf[1] == pytest.approx(0.13 - 0.4, abs=1e-3)
+
+
+CROSS = {"xyz": (0.0, -0.4, 0.0), "rpy": (0, 0, 0), "relative_to": "mrf", "expressed_in": "base"}
+
+
+def test_an_operator_tells_links_while_the_tool_goes_round_and_what_is_told_is_where_it_is(play):
+    """From up and down to across the path: the tool is on the new links' plane in the end."""
+    told = {"directions": [(1.0, 0.0, 0.0), (0.0, 0.0, 0.5)], "stiffness": 20.0}
+    run = play(
+        {"at_s": 0.4, "cmd/position": CROSS},
+        {"at_s": 2.0, "operator/virtual_links": told},
+        {"at_s": 3.0, "operator/virtual_links": {"axes": "path"}},
+        {"at_s": 5.0, "operator/virtual_links": {"directions": []}},
+        {"at_s": 8.0, "operator/virtual_links": {"reset": True}},
+        seconds=8.2,
+        cell=load_cell("ur5e_scene"),
+    )
+    assert run.summary["refused"] == []
+    assert run.summary["limit_violations"] == 0
+    section = run.simulation.cell.config.potential.virtual_link
+    assert run.at(1.9).links == {"axes": "world", "always": False, "stiffness": section.stiffness}
+    assert run.at(1.9).link_directions == section.directions
+    both = run.at(2.9)
+    assert both.links["stiffness"] == 20.0
+    assert np.abs(both.link_offs).min() > 2e-4
+    assert both.off_path == pytest.approx((both.link_offs[0], 0.0, both.link_offs[1]), abs=1e-9)
+    assert run.at(4.9).links["axes"] == "path"
+    assert run.at(7.9).link_directions == run.at(7.9).link_offs == ()
+    assert np.linalg.norm(run.at(7.9).off_path) < 1e-3
+    assert run.states[-1].link_directions == section.directions
+    assert [e.values["axes"] for e in run.events("links_set")] == ["world", "path", "path", "world"]
+
+
+@pytest.mark.parametrize(
+    ("cell", "told", "reason"),
+    [
+        ("ur5e_scene", {"directions": [(0.0, 0.0, 0.0)]}, "a direction must not be zero"),
+        (
+            "ur5e_scene",
+            {"directions": [(1.0, 0, 0), (1.0, 0.1, 0)]},
+            "must be square to each other",
+        ),
+        ("pa10", {"stiffness": 3.0}, "no [potential.virtual_link]"),
+        ("pa10_pair", {"stiffness": 3.0}, "hold 'beam' together"),
+    ],
+)
+def test_links_that_cannot_be_are_refused_with_their_reason(play, cell, told, reason):
+    step = {"at_s": 0.2, "operator/virtual_links": told}
+    run = play(step, seconds=0.3, cell=load_cell(cell))
+    (refused,) = run.summary["refused"]
+    assert reason in refused
+    assert run.events("links_set") == []

@@ -274,11 +274,15 @@ def granted(run: RecordedRun, ax: Axes) -> bool:
 
 
 def off_path(run: RecordedRun, ax: Axes) -> bool:
-    """Displacement of the tool from its path by the virtual link."""
+    """Displacement of the tool from its path, and along each virtual link."""
     ways = [state.get("off_path") or (0.0, 0.0, 0.0) for state in run.states]
     values = np.linalg.norm(ways, axis=1)
-    ax.plot(run.time, 1e3 * values)
-    return _named(ax, "off the path [mm]", bool(values.any()), legend=False)
+    ax.plot(run.time, 1e3 * values, label="in all")
+    offs = [state.get("link_offs") or () for state in run.states]
+    for i in range(max(map(len, offs), default=0)):
+        along = np.array([off[i] if i < len(off) else np.nan for off in offs])
+        ax.plot(run.time, 1e3 * along, label=f"link {i + 1}", lw=1.0)
+    return _named(ax, "off the path [mm]", bool(values.any()), legend=len(ax.lines) > 1)
 
 
 def tool_path(run: RecordedRun, ax: Axes) -> bool:

@@ -8,13 +8,14 @@ from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.null_space import PotentialFieldSection, VirtualLinkSection
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.arm import Arm as ArmControl
-from telerobot.server.control.inputs import ObjectiveGains, PathGoal, Settings
+from telerobot.server.control.inputs import ObjectiveGains, PathGoal, Settings, VirtualLinks
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import ahead, shape
 from telerobot.server.control.mechanism.redundancy import Field
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.proximity.capsules import Capsules
 from telerobot.server.control.spatial import Pose
+from telerobot.server.control.task.position import PositionState
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
@@ -325,11 +326,10 @@ def test_a_link_in_axes_of_the_tool_or_of_the_path_gives_way_along_these(start, 
 def test_a_vertical_path_has_axes_too_and_a_goal_where_the_tool_is_has_worlds(start):
     link = LINK.model_copy(update={"axes": "path", "directions": ((0.0, 1.0, 0.0),)})
     field = crossing(start, ON_THE_WAY, link)[0].arm.control.arms[0].p
-    directions = field_of(field).directions
-    eye = np.eye(3)
-    np.testing.assert_allclose(directions(eye, eye, np.array([0.0, 0.0, -0.5]))[0], [0, 1, 0])
-    np.testing.assert_allclose(directions(eye, eye, np.array([0.3, 0.0, 0.0]))[0], [0, 1, 0])
-    np.testing.assert_allclose(directions(eye, eye, np.zeros(3))[0], [0, 1, 0])
+    links, eye = field_of(field), np.eye(3)
+    for way in ((0.0, 0.0, -0.5), (0.3, 0.0, 0.0), (0.0, 0.0, 0.0)):
+        found = links.directions(links.links, eye, eye, np.array(way))
+        np.testing.assert_allclose(found[0], [0, 1, 0])
 
 
 def test_an_operator_turns_the_link_with_his_frame_and_what_it_left_behind_comes_back(start):
@@ -346,6 +346,48 @@ def test_an_operator_turns_the_link_with_his_frame_and_what_it_left_behind_comes
     along, across = off[-1] @ crf.R[:, 2], off[-1] @ crf.R[:, 0]
     assert abs(across) < 1e-4 < 2e-3 < abs(along)
     run.observe()
+
+
+def changes(run, since):
+    """The greatest change of the velocity along the links in a tick, from a tick on [m/s]."""
+    rates = np.array([o.desired.found.give_way for o in run.outputs[since - 1 :]])
+    return np.abs(np.diff(rates, axis=0)).max()
+
+
+def test_links_that_are_told_anew_take_over_without_a_jump_and_take_back_what_others_left(start):
+    run, scene, _, goal = crossing(start, BESIDE)
+    run.go(2.0, scene=scene, goal=goal)
+    since, up = len(run.outputs), abs(offs(run)[-1][2])
+    assert up > 0.01
+    run.set(links=VirtualLinks(((1.0, 0.0, 0.0),), stiffness=LINK.stiffness))
+    run.go(5.0, scene=scene, goal=goal)
+    off = offs(run)[-1]
+    assert abs(off[2]) < 2e-3 < abs(off[0])
+    assert changes(run, since) < 5e-3
+    run.observe()
+
+
+def test_a_stiffer_spring_and_no_link_at_all_bring_the_tool_nearer_and_back_without_a_jump(start):
+    run, scene, _, goal = crossing(start, BESIDE)
+    run.go(4.0, scene=scene, goal=goal)
+    since, far = len(run.outputs), abs(offs(run)[-1][2])
+    run.set(links=VirtualLinks(LINK.directions, stiffness=4.0 * LINK.stiffness))
+    run.go(3.0, scene=scene, goal=goal)
+    near = abs(offs(run)[-1][2])
+    assert 1e-3 < near < 0.6 * far
+    run.set(links=VirtualLinks())
+    run.go(3.0, scene=scene, goal=goal)
+    assert np.abs(offs(run)[-1]).max() < 1e-4
+    assert changes(run, since) < 5e-3
+    run.observe()
+
+
+def test_an_arm_without_links_computes_none(start, monkeypatch):
+    run, scene, _, goal = crossing(start, BESIDE, link=None)
+    monkeypatch.setattr(Field, "directions", None)
+    monkeypatch.setattr(Field, "give_way", None)
+    monkeypatch.setattr(PositionState, "way", None)
+    assert run.go(0.1, scene=scene, goal=goal).desired.found.give_way is None
 
 
 @pytest.mark.parametrize("always", [True, False])

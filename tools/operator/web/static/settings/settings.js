@@ -4,18 +4,21 @@ import { button, el } from "../dom.js";
 import { FRAME_NAMES } from "../choices.js";
 import { createAxes } from "./axes.js";
 import { createForm } from "./form.js";
+import { createLinks } from "./links.js";
 import { createShares } from "./shares.js";
 import { createSources } from "./sources.js";
 
 // Have a better control elsewhere, or are no setting: lease, streams, the beat of the lease.
 const ELSEWHERE = ["cmd/keepalive", "cmd/joystick", "cmd/jog", "cmd/self_motion", "cmd/drive", "cmd/master_pose",
   "operator/lease", "operator/release", "operator/protective_stop", "operator/protective_clear",
-  "operator/free_axes", "operator/load_shares"];
+  "operator/free_axes", "operator/virtual_links", "operator/load_shares"];
 
 export function createSettings(element, catalogue, { ask, choices }) {
   const sources = el("div", {});
   const axes = el("div", {});
   const held = createAxes(axes, { ask, choices });
+  const ways = el("div", {});
+  const links = createLinks(ways, { ask, choices });
   const load = el("div", {});
   const shares = createShares(load, { ask, choices });
   const objectives = el("div", {});
@@ -48,6 +51,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     row(act("Clearances on", "operator/avoidance", { on: true }, "none"), act("off", "operator/avoidance", { on: false }, "none")),
     row(act("Hold together", "operator/hold_together", { on: true }, "none"), act("Let go", "operator/hold_together", { on: false }, "none")),
     el("h2", {}, "Axes of the tool that the task holds"), axes,
+    el("div", { hidden: true }, el("h2", {}, "Virtual links"), ways),
     el("h2", {}, "Redundancy"), objectives,
     el("h2", {}, "Everything else"),
     ...catalogue.topics.filter(({ key }) => !ELSEWHERE.includes(key)).map((topic) => {
@@ -75,6 +79,7 @@ export function createSettings(element, catalogue, { ask, choices }) {
     update() {
       list.update();
       held.update();
+      links.update();
       shares.update();
       if (choices.shown) listObjectives(choices.shown);
     },
