@@ -74,6 +74,8 @@ _RULES: Final[Mapping[str, Mapping[str, _Rule]]] = {
 }
 _ONCE: Final = frozenset((*_RULES, "inertial", "geometry", "parent", "child"))
 """Elements that stand at most once in what they are part of."""
+_READ: Final = frozenset((*_RULES, "inertial", "collision", "parent", "child"))
+"""Parts of a link or joint that are read; what else stands there is for other programs."""
 SHAPES: Final = ("box", "cylinder", "sphere", "capsule", "mesh")
 
 
@@ -149,7 +151,7 @@ def unshaped_links(root: ET.Element) -> Iterator[str]:
 
 
 def _check_part(part: ET.Element, where: str) -> None:
-    read = [e for top in part if top.tag != "visual" for e in top.iter()]
+    read = [e for top in part if top.tag in _READ for e in top.iter()]
     for element in (part, *read):
         children = [child.tag for child in element]
         for tag in sorted(_ONCE & set(children)):

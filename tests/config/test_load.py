@@ -201,6 +201,12 @@ def test_a_shape_that_a_parser_would_drop_is_refused(small, shape, expected):
     assert re.search(expected, text), text
 
 
+def test_what_stands_in_a_link_for_another_program_is_not_read(small):
+    other = '<collision_checking><capsule name="test"/></collision_checking>'
+    small.replace_in_urdf('<link name="l2">', f'<link name="l2">{other}')
+    assert len(load_cell(small.cell).robot.joints) == 3
+
+
 def test_a_joint_that_moves_nothing_of_any_mass_is_refused(small):
     small.replace_in_urdf(f'<link name="l2">{INERTIAL}', '<link name="l2">')
     assert "link 'l2': <inertial> is missing or of mass 0: joint 'j2'" in refusal(small.cell)
