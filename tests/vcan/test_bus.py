@@ -112,7 +112,7 @@ def test_an_interface_that_goes_down_is_trouble_and_works_when_it_is_up_again(
     fieldbus.pause(0.05)
     assert fieldbus.trouble.cause is Cause.BUS_ERROR
     assert "Network is down" in fieldbus.trouble.detail
-    wire.send(frame(ANSWER))
+    wire.send(ANSWER, b"")
     assert (wire.lost, wire.stamp) == (1, None)
     interface("up")
     fieldbus.clear_trouble()
@@ -125,6 +125,6 @@ def test_an_interface_that_goes_down_is_trouble_and_works_when_it_is_up_again(
     assert wire.stamp is not None
     answers = []
     fieldbus.listen(ANSWER, lambda data, _stamp: answers.append(data))
-    wire.send(frame(ANSWER, b"up"))
+    wire.send(ANSWER, b"up")
     fieldbus.pause(0.1)
     assert answers == [b"up"]
