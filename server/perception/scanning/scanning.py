@@ -274,8 +274,8 @@ class Scanning:
         R, p = now.T_world_base
         foot = p + R @ self._foot
         q = now.q[self._points.arm]
-        rear = float(self._points.of(q[None])[0, :, 0].min())
-        rear = min(rear, 0.0) - self.config.link_radius - BEHIND_REAR
+        ahead = self._points.of(q[None])[0, :, 0]
+        rear = min(float(ahead.min()), 0.0) - self.config.link_radius - BEHIND_REAR
         self.memory.pass_by(R, foot, min(rear, -KEPT_BEHIND), self.plane.collect + 0.5)
         seen, hits = (self.memory.points - foot) @ R, self.memory.hits
         contour = contour_of(seen, hits, self.plane, rear)
@@ -284,11 +284,11 @@ class Scanning:
         curvature = self.steering.step(
             now.time_s, now.T_world_base, partial(self._meets, seen, hits, beside)
         )
-        front = float(self._foot[0] + self._points.of(q[None])[0, :, 0].max())
+        front = float(self._foot[0] + ahead.max())
         answer = self.reflex.step(
             now.time_s,
             q,
-            self._met(seen, hits, rear, curvature, max(front, 0.0), contour),
+            self._met(seen, hits, rear, curvature, front, contour),
             Obstacles.behind(passed, self.plane),
         )
         self.ground.stand(now.T_world_base, now.time_s)

@@ -1,11 +1,12 @@
 """Postures that pass below a bridge, and the reflex that leads there and back."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from laboratory.papers.lwa3 import PLANE, START, bridge, search
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.perception.scanning.contour import Contour, Obstacles, clearance
 from telerobot.server.perception.scanning.reflex import (
     ARCS,
@@ -240,6 +241,15 @@ HALF = 0.35
 """Of a base that steers, with what it keeps free [m]."""
 
 
+def meets(wall: Array, base: Pose, curvature: float) -> bool:
+    """Whether a base that drives 2 m on an arc comes too near to points of a wall (k, 2)."""
+    ways = np.linspace(0.0, 2.0, 60)
+    a = curvature * ways
+    x, y = ways * np.sinc(a / np.pi), 0.5 * a * ways * np.sinc(0.5 * a / np.pi) ** 2
+    middles = np.stack([x, y], axis=1) @ base.R[:2, :2].T + base.p[:2]
+    return bool(np.linalg.norm(wall[None] - middles[:, None], axis=2).min() < HALF)
+
+
 def drive(low: float, high: float, obeys: float = 1.0) -> tuple[list[Pose], Steering]:
     """Drive a base without dynamics at a wall 2 m ahead, from `low` to `high` across [m].
 
@@ -247,18 +257,8 @@ def drive(low: float, high: float, obeys: float = 1.0) -> tuple[list[Pose], Stee
     """
     steering, base, poses = Steering(0.8), Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), []
     wall = np.stack([np.full(40, 2.0), np.linspace(low, high, 40)], axis=1)
-    ways = np.linspace(0.0, 2.0, 60)
     for k in range(500):
-        at = base
-
-        def blocked(curvature: float) -> bool:
-            a = curvature * ways
-            x = ways * np.sinc(a / np.pi)
-            y = 0.5 * a * ways * np.sinc(0.5 * a / np.pi) ** 2
-            middles = np.stack([x, y], axis=1) @ at.R[:2, :2].T + at.p[:2]  # noqa: B023
-            return bool(np.linalg.norm(wall[None] - middles[:, None], axis=2).min() < HALF)
-
-        curvature = steering.step(0.04 * k, base, blocked)
+        curvature = steering.step(0.04 * k, base, partial(meets, wall, base))
         turn = obeys * curvature * 0.01
         base = base @ Pose.from_xyz_rpy((0.01, 0.0, 0.0), (0.0, 0.0, turn))
         poses.append(base)
