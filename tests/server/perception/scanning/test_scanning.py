@@ -1,9 +1,11 @@
 """What is told of a contour's boxes."""
 
+import numpy as np
+import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols.messages.perception import ObstacleNews
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.scanning.contour import CellBox
+from telerobot.server.perception.scanning.contour import CellBox, along_arc
 from telerobot.server.perception.scanning.scanning import Scanning
 
 
@@ -13,3 +15,22 @@ def test_boxes_go_in_the_order_in_which_they_came_whatever_the_hash_seed():
     came = [news.name for news in scanning._boxes(1, boxes, T)]
     gone = list(scanning._boxes(2, (), T))
     assert gone == [ObstacleNews(name=name, tick=2, remove=True) for name in came]
+
+
+@pytest.mark.parametrize("curvature", [-0.8, 0.8])
+def test_on_an_arc_things_reach_further_from_the_outer_side_as_the_nose_sweeps_there(
+    curvature: float,
+) -> None:
+    scanning = Scanning(load_cell("rover_aside"))
+    foot, nose, arm = np.array([0.2, 0.0, 0.5]), 0.35, 0.9
+    y, z = np.meshgrid(np.linspace(-0.1, 0.1, 30), np.linspace(-0.4, 0.6, 60))
+    seen = np.stack([np.full(y.size, 1.0), y.ravel(), z.ravel()], axis=1)
+    hits = np.full(len(seen), 5.0)
+    met = scanning._met(seen, hits, -0.5, curvature, arm)
+    along = along_arc(seen, foot, curvature)
+    for obstacles, front in ((met.high[:, 1] > 0.05, arm), (met.high[:, 1] < -0.05, nose)):
+        low, high = met.low[obstacles, 0].min(), met.high[obstacles, 0].max()
+        further = 0.5 * curvature * front**2
+        # To a cell, which a thing may fill in part.
+        assert low == pytest.approx(along[:, 1].min() + min(0.0, further), abs=0.051)
+        assert high == pytest.approx(along[:, 1].max() + max(0.0, further), abs=0.051)
