@@ -1,6 +1,9 @@
 """Refusals of well-formed commands and requests, by reason."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
+from traceback import extract_tb
 
 
 class Why(StrEnum):
@@ -43,6 +46,8 @@ class Why(StrEnum):
     UNSTABLE_GAIN = "unstable_gain"
     UNSTABLE_FRAME = "unstable_frame"
     UNSTABLE_PAYLOAD = "unstable_payload"
+    HANDLER_RAISED = "handler_raised"
+    """An error of this program, not of the message's sender."""
 
 
 class Refused(Exception):
@@ -52,3 +57,20 @@ class Refused(Exception):
         super().__init__(detail)
         self.reason = reason
         self.detail = detail
+
+
+@contextmanager
+def refusing_errors() -> Iterator[None]:
+    """Refuse a message in whose handling anything is raised: one message does not stop the arm.
+
+    Raises `Refused`, with the error and where it was raised. What the handler did before holds.
+    """
+    try:
+        yield
+    except Refused:
+        raise
+    except Exception as error:
+        last = extract_tb(error.__traceback__)[-1]
+        place = f"{last.filename.rpartition('/')[2]}:{last.lineno}"
+        words = f"{type(error).__name__}: {error}"
+        raise Refused(Why.HANDLER_RAISED, f"{words[:300]} ({place})") from error

@@ -20,7 +20,7 @@ from ...protocols import topics as t
 from ...protocols.codec import Reason
 from ...protocols.messages.requests import Reply
 from ...protocols.proof import Proof
-from ..refusals import Refused
+from ..refusals import Refused, refusing_errors
 from .admission import Admission, Instant
 from .link import Answer, Link, RawMessage, Source, room
 
@@ -178,11 +178,12 @@ class Inbox:
             return False
         proof = None
         try:
-            if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(raw.attached) > 0):
-                attached = bytes(raw.attached) if len(raw.attached) < 64 else b""
-                proof = self._admission.prove(topic, payload, attached, now)
-            else:
-                self._admission.admit(topic, payload, None, now)  # can it be read at all?
+            with refusing_errors():
+                if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(raw.attached) > 0):
+                    attached = bytes(raw.attached) if len(raw.attached) < 64 else b""
+                    proof = self._admission.prove(topic, payload, attached, now)
+                else:
+                    self._admission.admit(topic, payload, None, now)  # can it be read at all?
         except Refused as refused:
             self._refuse(topic, refused, raw)
             return False

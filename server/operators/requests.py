@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import islice
 
@@ -17,11 +18,11 @@ from ...protocols.messages.perception import (
     Sighting,
 )
 from ...protocols.proof import Proof
-from ...protocols.topics import Flow
+from ...protocols.topics import MODE, PROTECTIVE_STOP, Flow
 from ..events import Events
 from ..mode import Mode, PendingAction
 from ..reflection import Reflector
-from ..refusals import Refused, Why
+from ..refusals import Refused, Why, refusing_errors
 from ..units.unit import Unit
 from ..units.units import JointUnit, Units, serve_unit
 from .admission import Admission, Grants, Instant
@@ -245,7 +246,9 @@ class TunnelRequests:
         try:
             self._require(context.mode)
             parts = AT_ONCE if context.drives_off else 1
-            if sum(1 for _ in islice(self._fitting, parts)) == parts:
+            with refusing_errors():
+                fitted = sum(1 for _ in islice(self._fitting, parts))
+            if fitted == parts:
                 return
             reply = requests.Reply(ok=True, tick=context.now.tick)
         except Refused as refused:
@@ -283,10 +286,17 @@ class Services:
         self.tunnels = TunnelRequests(admission, events)
 
     def serve(self, asked: QueuedMessage, context: RequestContext) -> None:
-        """Answer one request, or let it wait: until a mode is reached, or joints are fitted."""
+        """Answer one request, or let it wait: until a mode is reached, or joints are fitted.
+
+        What is raised on the way refuses it; but who asks the arm to stop has it stopped by that.
+        """
+        stops = asked.topic in (PROTECTIVE_STOP, MODE)
         try:
-            message = self._admission.admit(asked.topic, asked.payload, asked.proof, context.now)
-            reply = self._act(message, asked, context)
+            with nullcontext() if stops else refusing_errors():
+                message = self._admission.admit(
+                    asked.topic, asked.payload, asked.proof, context.now
+                )
+                reply = self._act(message, asked, context)
         except Refused as refused:
             self._events.refused("request", asked.topic.key, refused.reason, refused.detail)
             reply = refusal_reply(refused, context.now)
@@ -419,30 +429,35 @@ class Dispatcher:
 
     def _command(self, queued: QueuedMessage, context: RequestContext) -> None:
         try:
-            message = self._admission.admit(queued.topic, queued.payload, queued.proof, context.now)
-            if isinstance(message, Command) and not isinstance(message, Keepalive):
-                for unit in self._units.told(message):
-                    T_world_mrf = unit.T_world_mrf
-                    if T_world_mrf is not None:
-                        unit.commands.take(message, context.now.time_s, T_world_mrf)
+            with refusing_errors():
+                message = self._admission.admit(
+                    queued.topic, queued.payload, queued.proof, context.now
+                )
+                if isinstance(message, Command) and not isinstance(message, Keepalive):
+                    for unit in self._units.told(message):
+                        T_world_mrf = unit.T_world_mrf
+                        if T_world_mrf is not None:
+                            unit.commands.take(message, context.now.time_s, T_world_mrf)
         except Refused as refused:
             self._events.refused("command", queued.topic.key, refused.reason, refused.detail)
 
     def _news(self, queued: QueuedMessage, context: RequestContext) -> None:
         tick = context.now.tick
         try:
-            news = self._admission.admit(queued.topic, queued.payload, None, context.now)
-            if isinstance(news, Sighting):
-                self._units.seeing(news.camera).perception.vision.take(news, tick)
-            elif isinstance(news, ObstacleNews):
-                self._units.obstacles.take(news, tick, queued.sender)
-            elif isinstance(news, ContourNews):
-                self._units.ahead().look_ahead(news, tick)
-            elif isinstance(news, FrameNews):
-                for frames in self._units.tracking(news.name):
-                    frames.take(news, tick)
+            with refusing_errors():
+                news = self._admission.admit(queued.topic, queued.payload, None, context.now)
+                if isinstance(news, Sighting):
+                    self._units.seeing(news.camera).perception.vision.take(news, tick)
+                elif isinstance(news, ObstacleNews):
+                    self._units.obstacles.take(news, tick, queued.sender)
+                elif isinstance(news, ContourNews):
+                    self._units.ahead().look_ahead(news, tick)
+                elif isinstance(news, FrameNews):
+                    for frames in self._units.tracking(news.name):
+                        frames.take(news, tick)
         except Refused as refused:
-            if queued.topic.message is ObstacleNews and isinstance(refused.reason, Reason):
+            unread = isinstance(refused.reason, Reason) or refused.reason is Why.HANDLER_RAISED
+            if unread and queued.topic.message is ObstacleNews:
                 name = text_field(queued.topic, queued.payload, "name")
                 self._units.obstacles.doubt(name, tick, f"told of, and {refused.reason}")
             self._events.refused("command", queued.topic.key, refused.reason, refused.detail)

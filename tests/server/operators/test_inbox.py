@@ -132,6 +132,22 @@ def junk_of(kind, rng, heard):
     return payload, proof[:8] + later + proof[16:]
 
 
+@pytest.mark.parametrize("topic", [t.MODE, t.LEASE, t.JOYSTICK], ids=lambda x: x.key)
+def test_what_raises_as_it_is_read_is_refused_and_the_next_is_taken(network, monkeypatch, topic):
+    def fail(*_):
+        raise KeyError("left out")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(Admission, "prove" if topic.needs_proof else "admit", fail)
+        assert network.send(topic, b"\xc1", b"p" * 32) is None
+        assert network.turn() == []
+    (refusal,) = network.refusals
+    assert refusal.refused.reason is Why.HANDLER_RAISED
+    assert len(refusal.answers) == (topic in t.REQUESTS)
+    mine, _ = network.hold(t.MODE, action="hold")
+    assert [queued.payload for queued in network.of(t.MODE)] == [mine]
+
+
 @pytest.mark.parametrize("kind", ["random", "forged", "replayed", "renumbered"])
 @pytest.mark.parametrize("topic", [t.KEEPALIVE, t.JOYSTICK, t.MODE], ids=lambda x: x.key)
 def test_no_junk_pushes_out_what_the_holder_sent(network, kind, topic):

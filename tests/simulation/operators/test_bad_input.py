@@ -8,6 +8,11 @@ import numpy as np
 import pytest
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.messages import VERSION, JointJog, JoystickTwist, PositionTarget
+from telerobot.server.commands.commands import Goals
+from telerobot.server.commands.settings import OperatorSettings
+from telerobot.server.operators.requests import ProtectiveStops
+from telerobot.server.perception.obstacle_map import ObstacleMap
+from telerobot.server.units.units import Units
 
 from ..conftest import REST, STICK
 
@@ -61,6 +66,56 @@ def test_a_bad_command_is_refused_by_name_and_changes_nothing(play, reason):
     refusals = disturbed.events("command_refused")
     assert [e.values["reason"] for e in refusals] == [reason]
     assert disturbed.summary["command_hash"] == undisturbed.summary["command_hash"]
+
+
+POST = {"name": "post", "shape": "sphere", "xyz": (2.0, 0.0, 1.0), "radius": 0.1}
+HANDLERS = {
+    "operator/switch": ({"source": "joystick", "on": False}, OperatorSettings, "switch"),
+    "operator/tunnel": ({"pieces": []}, Units, "refitting"),
+    "cmd/posture": ({"posture": "start"}, Goals, "take_posture"),
+    "sensor/obstacle": (POST, ObstacleMap, "take"),
+}
+
+
+def fail(*_):
+    raise KeyError("left out")
+
+
+@pytest.mark.parametrize("topic", HANDLERS)
+def test_a_message_whose_handler_raises_is_refused_and_the_arm_goes_on(play, monkeypatch, topic):
+    fields, owner, handler = HANDLERS[topic]
+    stick = {"at_s": 0.3, "cmd/joystick": STICK}
+    undisturbed = play(stick, seconds=0.6)
+    monkeypatch.setattr(owner, handler, fail)
+    disturbed = play(stick, {"at_s": 0.4, topic: fields}, seconds=0.6)
+    kind = "request" if topic.startswith("operator/") else "command"
+    (refused,) = disturbed.events(f"{kind}_refused")
+    assert (refused.values["topic"], refused.values["reason"]) == (topic, "handler_raised")
+    assert "KeyError: 'left out' (test_bad_input.py:" in refused.detail
+    assert disturbed.summary["mode"] == "enabled"
+    assert disturbed.summary["command_hash"] == undisturbed.summary["command_hash"]
+
+
+def test_an_obstacle_whose_news_raises_is_stale(play, monkeypatch):
+    take, taken = ObstacleMap.take, []
+
+    def fail_later(self, news, *more):
+        taken.append(news)
+        return take(self, news, *more) if len(taken) == 1 else fail()
+
+    monkeypatch.setattr(ObstacleMap, "take", fail_later)
+    told = [{"at_s": at_s, "sensor/obstacle": POST} for at_s in (0.2, 0.3)]
+    run = play(*told, seconds=0.5)
+    (stale,) = run.events("obstacle_stale")
+    assert "post" in stale.detail
+    assert "handler_raised" in stale.detail
+
+
+def test_a_protective_stop_whose_handler_raises_stops_the_arm(play, monkeypatch):
+    monkeypatch.setattr(ProtectiveStops, "latch", fail)
+    run = play({"at_s": 0.3, "operator/protective_stop": {}}, seconds=0.6)
+    assert run.summary["mode"] == "fault"
+    assert [e.name for e in run.events("tick_raised")] == ["tick_raised"]
 
 
 def test_a_flood_of_bad_commands_is_told_a_few_times_a_second(play):
