@@ -166,34 +166,15 @@ def mode_disagreements(config: CellConfig) -> Iterator[str]:
                 )
 
 
-# --- Agreement between a cell's obstacles, its cameras and what may touch what --------------------
+# --- Agreement between a cell's obstacles and what may touch what ---------------------------------
 
 
 def obstacle_disagreements(config: CellConfig) -> Iterator[str]:
     """Yield what does not fit, each in one line with its key."""
     names = [o.name for o in config.obstacles]
-    cameras = [c.name for c in config.cameras]
-    on_base = [c.name for c in config.cameras if c.on == "base"]
-    carried = [c.name for c in config.cameras if c.T_wrist_lens is not None]
     for i, obstacle in enumerate(config.obstacles):
         if obstacle.name in names[:i]:
             yield f"obstacles[{i}].name: value '{obstacle.name}': is there already"
-        if obstacle.camera in on_base:
-            yield (
-                f"obstacles[{i}].camera: value '{obstacle.camera}': stands on Base: a sight line "
-                "begins at a camera with T_wrist_lens or T_world_lens"
-            )
-        if obstacle.camera in carried and obstacle.hard:
-            yield (
-                f"obstacles[{i}].hard: value True: the sight line of '{obstacle.camera}' moves "
-                "with the arm: only one that begins at a standing camera can be a barrier"
-            )
-        if obstacle.camera is not None and obstacle.camera not in cameras:
-            hint = nearest(obstacle.camera, cameras)
-            yield (
-                f"obstacles[{i}].camera: value '{obstacle.camera}': no such camera in "
-                f"[[cameras]]{hint}"
-            )
     avoidance = config.avoidance
     near, promised = avoidance.near_distance, avoidance.clearance + avoidance.margin
     if avoidance.near_speed is not None and near <= promised:
@@ -271,6 +252,7 @@ def _of_mechanism(parts: Parts, devices: Sequence[Entry]) -> Iterator[str]:
     yield from link_disagreements(first, [(p.prefix, p.robot) for p in parts])
     yield from _standing(parts)
     yield from _cameras(parts)
+    yield from _sight_lines(parts)
     yield from _rovers(parts)
     rigs = [part.config.rig is not None for part in parts]
     if any(rigs) and not all(rigs):
@@ -395,6 +377,28 @@ def _cameras(parts: Parts) -> Iterator[str]:
     for i, tag in enumerate(() if rig is None else rig.tags):
         if tag.T_wrist_tag is not None and len(parts) > 1:
             yield f"rig.tags[{i}].T_wrist_tag: there are several mechanisms: tags stand in World"
+
+
+def _sight_lines(parts: Parts) -> Iterator[str]:
+    """A sight line begins at a camera of any mechanism that is carried, or stands in World."""
+    cameras = {camera.name: camera for part in parts for camera in part.config.cameras}
+    for i, obstacle in enumerate(parts[0].config.obstacles):
+        if obstacle.camera is None:
+            continue
+        where = f"obstacles[{i}].camera: value '{obstacle.camera}'"
+        camera = cameras.get(obstacle.camera)
+        if camera is None:
+            yield f"{where}: no such camera in [[cameras]]{nearest(obstacle.camera, list(cameras))}"
+        elif camera.on == "base":
+            yield (
+                f"{where}: stands on Base: a sight line begins at a camera with T_wrist_lens or "
+                "T_world_lens"
+            )
+        elif camera.on == "wrist" and obstacle.hard:
+            yield (
+                f"obstacles[{i}].hard: value True: the sight line of '{obstacle.camera}' moves "
+                "with the arm: only one that begins at a standing camera can be a barrier"
+            )
 
 
 # --- Needs of virtual spheres in the robot and in the null space ----------------------------------

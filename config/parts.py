@@ -210,13 +210,6 @@ def _refuse_of_one(path: Path, document: Document) -> None:
     for key, why in ONE_ONLY.items():
         if _has(document, key.split(".")):
             raise ConfigError(f"{path}: {key}: there are several mechanisms: {why}")
-    obstacles = document.get("obstacles", [])
-    for i, obstacle in enumerate(obstacles if isinstance(obstacles, list) else []):
-        if isinstance(obstacle, dict) and "camera" in obstacle:
-            where = f"{path}: obstacles[{i}].camera: value {short(obstacle['camera'])}"
-            raise ConfigError(
-                f"{where}: there are several mechanisms: sight lines are for cells with one"
-            )
 
 
 def _check_rig(path: Path, place: str, own: Document) -> None:

@@ -294,7 +294,7 @@ class Cycle:
         """Update all monitors, and return what a request may depend on."""
         for unit, own in zip(self.units.each, reading.units, strict=True):
             unit.perceive(own, self.mode, now_s)
-            unit.look_around(self.units.obstacles, self.tick)
+        self.units.look_around(self.tick)
         now = Instant(now_s, self.tick, self._supervisor.enabled_since)
         return RequestContext(now, self.mode, self.units, reading.off)
 

@@ -1,6 +1,7 @@
 """Obstacles at one instant, as arrays, and the frames of a cell as a small tree."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
@@ -38,8 +39,9 @@ class Rounds:
     """(m,)."""
     line: Flags
     """Which are sight lines (m,)."""
-    carried: Flags
-    """Which start at a camera on the Wrist (m,): their `start` is in the Wrist until placed."""
+    carrier: Index
+    """The place of the arm on whose Wrist a line's camera is (m,): its `start` is in that Wrist
+    until placed; -1: in World."""
 
 
 @dataclass(frozen=True)
@@ -127,13 +129,17 @@ class Scene:
         )  # fmt: skip
         return found
 
-    def placed(self, T_world_wrist: Pose) -> Self:
-        """Return the scene with every sight line in World that starts at a carried camera."""
-        carried = self.rounds.carried
-        if not np.count_nonzero(carried):
-            return self
+    @property
+    def carried(self) -> bool:
+        """True if an arm carries the start of a sight line."""
+        return bool((self.rounds.carrier >= 0).any())
+
+    def placed(self, T_world_wrists: Sequence[Pose]) -> Self:
+        """Return the scene with every sight line in World, by where the Wrists of all arms are."""
         start = self.rounds.start.copy()
-        start[carried] = start[carried] @ T_world_wrist.R.T + T_world_wrist.p
+        for arm, T in enumerate(T_world_wrists):
+            own = self.rounds.carrier == arm
+            start[own] = start[own] @ T.R.T + T.p
         return evolve(self, rounds=evolve(self.rounds, start=start))
 
 
@@ -142,7 +148,7 @@ def empty() -> Scene:
     none, no = np.zeros(0), np.zeros(0, dtype=bool)
     return Scene(
         names=(),
-        rounds=Rounds(np.zeros((0, 3)), np.zeros((0, 3)), none, no, no),
+        rounds=Rounds(np.zeros((0, 3)), np.zeros((0, 3)), none, no, np.zeros(0, dtype=np.int64)),
         boxes=Boxes(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))),
         hard=no,
         clearance=none,

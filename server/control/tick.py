@@ -23,6 +23,7 @@ from .arm import Arm
 from .barriers.barriers import Allowed, Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
 from .bodies.rates import ArmMeasurement, DesiredRates
+from .compiled import evolve
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined, parts_of
@@ -101,6 +102,7 @@ class Control:
             memory = memory._replace(commanded=self._seeded(memory.commanded, inputs), levels={})
         commanded = memory.commanded
         each = self._each(commanded)
+        inputs = self._placed(inputs, each)
         on = [] if self.joint is None else self.joint.on(memory.arms, each, inputs)
         told, members = inputs, members_of(on)
         if on:
@@ -139,6 +141,18 @@ class Control:
         if on:
             finish(on, told, [a.pace for a in allowed], nexts, outputs)
         return Memory(commanded.followed_by(limited), tuple(nexts), clear.levels), tuple(outputs)
+
+    def _placed(self, inputs: Sequence[Inputs], each: Sequence[Commanded]) -> Sequence[Inputs]:
+        """Return the inputs with all sight lines in World, by where arms are commanded to be."""
+        scene = inputs[0].scene
+        if scene is None or not scene.carried:
+            return inputs
+        wrists = [
+            arm.mechanism.pose_wrist(told.motion.q, given.moved and given.moved.base.T)
+            for arm, told, given in zip(self.arms, each, inputs, strict=True)
+        ]
+        scene = scene.placed(wrists)
+        return [evolve(given, scene=scene) for given in inputs]
 
     def _seeded(self, commanded: Commanded, inputs: Sequence[Inputs]) -> Commanded:
         """Return joints at rest where they are measured; those whose drives are on keep theirs."""

@@ -12,7 +12,6 @@ from ...config.schema.sources import VisionSection
 from ...config.schema.surroundings import CameraSection
 from ...protocols.messages.perception import Sighting
 from ..control.inputs import NO_PICTURE, Picture, ViewGoal
-from ..control.mechanism.model import Mechanism
 from ..control.proximity.capsules import Capsules
 from ..control.proximity.distance import measured
 from ..control.scene import Mount, Scene
@@ -397,7 +396,7 @@ def _place(camera: CameraSection) -> Pose:
 #
 # A sight line may be soft, or avoidance switched off; of two lines one may have to be given up.
 # What sees along it then sees the arm, so operators are told which link hides what. A line
-# begins at its camera: of one that the wrist carries, the last links do not count.
+# begins at its camera: of one that the wrist carries, that arm's last links do not count.
 
 EVERY = 5
 """Periods between two looks [1]."""
@@ -415,11 +414,11 @@ class Hidden(NamedTuple):
 
 
 class SightLines:
-    """Watches the sight lines of one arm's surroundings."""
+    """Watches for the links of one arm in the sight lines of a cell."""
 
-    def __init__(self, capsules: Capsules | None, mechanism: Mechanism, events: Events) -> None:
+    def __init__(self, capsules: Capsules | None, events: Events) -> None:
         """Build it for an arm's capsules; without any nothing is watched."""
-        self._capsules, self._mechanism, self._events = capsules, mechanism, events
+        self._capsules, self._events = capsules, events
         self._lost: set[str] = set()
 
     @property
@@ -427,11 +426,14 @@ class SightLines:
         """Names of the lines that a link is in."""
         return tuple(sorted(self._lost))
 
-    def update(self, scene: Scene, q: Array, base: Pose | None) -> None:
-        """Look at joint angles q (n,) [rad], and tell each change; `base` is where a Base is."""
+    def update(self, scene: Scene, arm: int, q: Array, base: Pose | None) -> None:
+        """Look at joint angles q (n,) [rad] of an `arm` of the cell, and tell each change.
+
+        `base` is where its Base is; the scene is placed.
+        """
         if self._capsules is None:
             return
-        nearest = self._nearest(self._capsules, scene, q, base)
+        nearest = self._nearest(self._capsules, scene, arm, q, base)
         self._lost &= nearest.keys()
         for name, (link, gap) in nearest.items():
             if gap < 0.0 and name not in self._lost:
@@ -447,20 +449,20 @@ class SightLines:
                 self._lost.discard(name)
                 self._events.info("sight_line_free", name, obstacle=name)
 
+    @staticmethod
     def _nearest(
-        self, capsules: Capsules, scene: Scene, q: Array, base: Pose | None
+        capsules: Capsules, scene: Scene, arm: int, q: Array, base: Pose | None
     ) -> dict[str, Hidden]:
         """Return the link that is nearest to each sight line, by the line's name."""
         rounds = scene.rounds
         lines = np.flatnonzero(rounds.line)
         if not len(lines):
             return {}
-        scene = scene.placed(self._mechanism.pose_wrist(q, base))
         ends, body = capsules.place(q[None], base).ends, capsules.body
         every, found = np.flatnonzero(capsules.movable), {}
         for line in lines.tolist():
             which = every
-            if rounds.carried[line]:
+            if rounds.carrier[line] == arm:
                 which = every[body[every] < body.max()]
             if not len(which):
                 continue

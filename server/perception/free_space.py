@@ -96,7 +96,7 @@ def standing(scene: Scene) -> Scene:
     rounds, boxes = scene.rounds, scene.boxes
     m = len(rounds.radius)
     kept = scene.hard.copy()
-    kept[:m] &= ~rounds.carried
+    kept[:m] &= rounds.carrier < 0
     rounds = Rounds(*(each[kept[:m]] for each in vars(rounds).values()))
     boxes = Boxes(*(each[kept[m:]] for each in vars(boxes).values()))
     rest: dict[str, Any] = {

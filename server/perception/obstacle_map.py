@@ -8,7 +8,7 @@ refused, and makes it stale until its own sender tells of it again. So does news
 another reason, except for coming out of order: then newer news is in force.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -62,7 +62,8 @@ class TrackedObstacle:
     stale: Stale
     clearance: float
     hard: bool
-    carried: bool
+    carrier: int
+    """Place of the arm on whose Wrist a sight line's camera is; -1: it starts in World."""
     fixed: bool
     """True for one of the cell file that stands still."""
     owner: str | None
@@ -88,7 +89,7 @@ class ObstacleMap:
     def __init__(
         self,
         obstacles: tuple[ObstacleSection, ...],
-        cameras: tuple[CameraSection, ...],
+        cameras: Sequence[Sequence[CameraSection]],
         clearance: float,
         period_s: float,
         events: Events,
@@ -96,13 +97,15 @@ class ObstacleMap:
     ) -> None:
         """Begin with the obstacles of a cell; `clearance` [m] is promised where none is told.
 
+        `cameras` are those of each arm.
+
         Where senders are certified, each has to tell under its own name.
         """
         self._events = events
         self._certified = certified
         self._period_s = period_s
         self._clearance = clearance
-        self._cameras = {c.name: c for c in cameras}
+        self._cameras = {c.name: (arm, c) for arm, own in enumerate(cameras) for c in own}
         self._known = {o.name: self._of_cell(o) for o in obstacles}
         self._gone: dict[str, int] = {}
         self._stale: set[str] = set()
@@ -118,7 +121,8 @@ class ObstacleMap:
         c = cell.config
         certified = c.zenoh.security.directory is not None
         clearance, period_s = c.avoidance.clearance, c.timing.period_s
-        return cls(c.obstacles, c.cameras, clearance, period_s, events, certified)
+        cameras = [part.config.cameras for part in cell.parts]
+        return cls(c.obstacles, cameras, clearance, period_s, events, certified)
 
     @property
     def known(self) -> tuple[TrackedObstacle, ...]:
@@ -252,7 +256,7 @@ class ObstacleMap:
             stale=news.stale or "stop",
             clearance=self._clearance if news.clearance is None else news.clearance,
             hard=shape != "sight_line" if news.hard is None else news.hard,
-            carried=False,
+            carrier=-1,
             fixed=False,
             owner=sender,
             tick=news.tick,
@@ -272,7 +276,7 @@ class ObstacleMap:
                 told["to"] = tuple(way.tolist())
             elif before.shape in ("point", "sphere"):
                 told["to"] = news.xyz
-            told["carried"] = False
+            told["carrier"] = -1
         return replace(before, tick=news.tick, owner=sender, **told)
 
     def _remove(self, news: ObstacleNews, before: TrackedObstacle | None) -> None:
@@ -370,7 +374,7 @@ class ObstacleMap:
                 end=_rows(k.to for k in rounds) + shift,
                 radius=np.array([k.radius for k in rounds], dtype=float),
                 line=np.array([k.shape == "sight_line" for k in rounds], dtype=bool),
-                carried=np.array([k.carried for k in rounds], dtype=bool),
+                carrier=np.array([k.carrier for k in rounds], dtype=np.int64),
             ),
             boxes=Boxes(
                 R=np.array([rotation_rpy(*k.rpy) for k in boxes]).reshape(-1, 3, 3),
@@ -397,11 +401,10 @@ class ObstacleMap:
 
     def _of_cell(self, obstacle: ObstacleSection) -> TrackedObstacle:
         xyz = obstacle.xyz or _ZERO
-        carried = False
+        carrier = -1
         if obstacle.camera is not None:
-            camera = self._cameras[obstacle.camera]
-            carried, place = camera.on == "wrist", camera.place
-            xyz = place.xyz
+            arm, camera = self._cameras[obstacle.camera]
+            carrier, xyz = arm if camera.on == "wrist" else -1, camera.place.xyz
         return TrackedObstacle(
             name=obstacle.name,
             shape=obstacle.shape,
@@ -417,7 +420,7 @@ class ObstacleMap:
             stale=obstacle.stale,
             clearance=self._clearance if obstacle.clearance is None else obstacle.clearance,
             hard=obstacle.shape != "sight_line" if obstacle.hard is None else obstacle.hard,
-            carried=carried,
+            carrier=carrier,
             fixed=obstacle.max_speed == 0.0,
             owner=None,
             tick=0,
@@ -438,7 +441,7 @@ def _whole(known: TrackedObstacle) -> ObstacleNews:
     """
     told: dict[str, Any] = dict.fromkeys(ObstacleNews.model_fields) | {"remove": False}
     told |= {key: getattr(known, key) for key in _TOLD}
-    if not known.carried:
+    if known.carrier < 0:
         told |= {"shape": known.shape, "xyz": known.xyz}
     if known.shape in ("capsule", "sight_line"):
         told["to"] = known.to

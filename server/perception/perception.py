@@ -34,7 +34,7 @@ class Perception:
         self.load = LoadMonitor(sensor, self.sensor, damping, period_s, commands.settings, events)
         self.vision = VisionTracker.from_cell(cell, events)
         self.moving_frames = FrameTracker.from_cell(cell, events)
-        self.sight_lines = SightLines(arm.p.capsules, arm.mechanism, events)
+        self.sight_lines = SightLines(arm.p.capsules, events)
         self.passage = Passage.from_cell(cell, events)
         """The contour ahead; None where nobody looks for one."""
         self.collisions = CollisionMonitor(

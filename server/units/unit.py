@@ -33,7 +33,7 @@ from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage
-from ..perception.cameras import EVERY, Law
+from ..perception.cameras import Law
 from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
@@ -315,13 +315,11 @@ class Unit:
         self.q = reading.q if reading.q is not None else self.q
         self.perception.update(reading, self.memory, self.output, mode, now_s)
 
-    def look_around(self, obstacles: ObstacleMap, tick: int) -> None:
-        """Update what depends on where obstacles are."""
-        lines = self.perception.sight_lines
-        if self.q is None or tick % EVERY or not (obstacles.lines or lines.lost):
-            return
+    @property
+    def base_measured(self) -> Pose | None:
+        """Where a Base that may move was measured last; None for one that stands."""
         moving, moved = self.perception.moving_frames.watching, self.commands.frames.moved
-        lines.update(obstacles.scene(tick), self.q, moved.T_world_base_measured if moving else None)
+        return moved.T_world_base_measured if moving else None
 
     def follow_frames(self, tick: int, mode: Mode) -> None:
         """Bring the frames that may move up to this tick."""

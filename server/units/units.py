@@ -33,7 +33,7 @@ from ..control.stop.profile import ramps_in_proportion
 from ..control.tick import Control
 from ..events import Events
 from ..mode import Mode
-from ..perception.cameras import Law, VisionTracker
+from ..perception.cameras import EVERY, Law, VisionTracker
 from ..perception.contact import JamMonitor
 from ..perception.moving_frames import FrameTracker
 from ..perception.obstacle_map import ObstacleMap
@@ -538,6 +538,18 @@ class Units:
         """Bring arms on a torso to where that is, by what all joints are `told` and measured at."""
         for unit, torso in self._carried:
             unit.stand_on(torso, told.of(torso.joints), q[torso.joints])
+
+    def look_around(self, tick: int) -> None:
+        """Tell which links are in sight lines, by where all arms were measured."""
+        lines = self.obstacles.lines or any(u.perception.sight_lines.lost for u in self.each)
+        at = [(unit, unit.q, unit.base_measured) for unit in self.each if unit.q is not None]
+        if tick % EVERY or not lines or len(at) < len(self.each):
+            return
+        scene = self.obstacles.scene(tick)
+        if scene.carried:
+            scene = scene.placed([u.arm.mechanism.pose_wrist(q, base) for u, q, base in at])
+        for arm, (unit, q, base) in enumerate(at):
+            unit.perception.sight_lines.update(scene, arm, q, base)
 
     def keep(self, tick: int, memory: Memory, outputs: Sequence[Output]) -> None:
         """Take in what a tick decided."""

@@ -118,6 +118,7 @@ T_wrist_lens = { xyz = [0.05, 0.0, 0.0] }
 """
 ON = ('[[mechanisms]]\nname = "right', 'on = "right"\n[[mechanisms]]\nname = "right')
 TAG = "[[rig.tags]]\nname = 'tag'\nT_wrist_tag = {}\n"
+LINE = "[[obstacles]]\nname = 'ray'\nshape = 'sight_line'\nto = [1, 1, 1]\ncamera = 'eye'\n"
 LEFT = "[[tasks]]\nname = 'left'\n"
 RIGHT = "[[tasks]]\nname = 'right'\n"
 
@@ -185,8 +186,10 @@ payload_mass = 0.5
          "mechanisms[0].on: value 'right': goes round in a circle: left on right on left"),
         (PAIR + "on = 'left'\n", "mechanisms[1].on: value 'left': has no [torso], so that nothing"),
         (PAIR + "T_on = { xyz = [0.0, 0.0, 1.0] }\n", "mechanisms[1].T_on: there is no"),
-        (PAIR + "[[obstacles]]\nname = 'ray'\nshape = 'sight_line'\ncamera = 'eye'\n",
-         "obstacles[0].camera: value 'eye': there are several mechanisms: sight lines"),
+        (PAIR + RIGHT + CAMERA + LINE.replace("'eye'", "'ete'"),
+         "obstacles[0].camera: value 'ete': no such camera in [[cameras]]; did you mean 'eye'"),
+        (PAIR + RIGHT + CAMERA + LINE + "hard = true\n",
+         "obstacles[0].hard: value True: the sight line of 'eye' moves with the arm"),
         (PAIR + "[[tasks]]\nname = 'left'\nby = ['right']\n",
          "tasks[0].name: value 'left': the task of mechanism 'left', which has no table, is"),
         (PAIR + TAG, "rig.tags[0].T_wrist_tag: there are several mechanisms: tags stand in World"),

@@ -13,7 +13,7 @@ def rounds(start: ArrayLike, end: ArrayLike, radius: ArrayLike, line: bool = Fal
     start, end = np.atleast_2d(start), np.atleast_2d(end)
     radius = np.broadcast_to(np.asarray(radius, dtype=float), len(start))
     flags = np.full(len(start), line)
-    found = Rounds(start, end, radius, flags, np.zeros(len(start), dtype=bool))
+    found = Rounds(start, end, radius, flags, np.full(len(start), -1))
     return evolve(empty(), rounds=found)
 
 

@@ -356,7 +356,7 @@ class Field:
         """
         if objectives.gains["field"] <= 0.0 and self._link is None:
             return None
-        among, ends = self._among(k, scene), _NO_LINKS
+        among, ends = self._among(scene), _NO_LINKS
         if among is None and not self._always:
             return None
         if among is not None and self._capsules is not None:
@@ -426,11 +426,9 @@ class Field:
             return share * velocity
         return np.asarray(share * (velocity - min(GIVE_WAY_GAIN, most / beside) * left))
 
-    def _among(self, k: Kinematics, scene: Scene | None) -> Scene | None:
-        """Return what repels the links, where it is now; None if nothing does."""
-        if scene is None or not self._repels or not scene.names:
-            return None
-        return scene.placed(k.T_world_wrist)
+    def _among(self, scene: Scene | None) -> Scene | None:
+        """Return what repels the links; None if nothing does."""
+        return scene if scene is not None and self._repels and scene.names else None
 
 
 def path_axes(way: Array) -> Array:

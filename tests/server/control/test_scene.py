@@ -18,7 +18,7 @@ def scene(rng) -> Scene:
             end=rng.uniform(-1, 1, (6, 3)),
             radius=np.full(6, 0.1),
             line=np.zeros(6, dtype=bool),
-            carried=np.zeros(6, dtype=bool),
+            carrier=np.full(6, -1),
         ),
         boxes=Boxes(np.zeros((0, 3, 3)), none, none),
         hard=np.ones(6, dtype=bool),

@@ -391,7 +391,7 @@ def test_the_line_of_a_carried_camera_is_told_by_where_it_ends():
     cell = load_cell("pa10_scene")
     known = Knowing()
     known.world = ObstacleMap.from_cell(cell, known.events)
-    carried = [o.name for o in known.world.known if o.carried]
+    carried = [o.name for o in known.world.known if o.carrier >= 0]
     for name in carried:
         known.tell(name, to=(1.0, 2.0, 0.5))
         (told,) = known.world.told(known.tick)
