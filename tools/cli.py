@@ -45,7 +45,7 @@ def _rows() -> tuple[HelpRow, ...]:
 COMMANDS: Final = _rows()
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line."""
 
     def error(self, message: str) -> NoReturn:
@@ -57,23 +57,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     typed = list(sys.argv[1:] if argv is None else argv)
     asked = next((a for a in typed if not a.startswith("-")), None)
     command = next((c for c in COMMANDS if c.name == asked), None)
-    return _guarded(str(asked), lambda: _run(command, typed))
+    return guarded(str(asked), lambda: _run(command, typed))
 
 
-def run_alone(
-    prog: str,
-    add_arguments: Callable[[argparse.ArgumentParser], None],
-    run: Callable[[argparse.Namespace], int],
-    argv: Sequence[str] | None = None,
-) -> int:
-    """Run a command that is none of `telerobot`'s, by the same rules; return its exit code."""
-    parser = _Parser(prog=prog, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_arguments(parser)
-    args = parser.parse_args(argv)
-    return _guarded(prog, lambda: run(args))
-
-
-def _guarded(name: str, run: Callable[[], int]) -> int:
+def guarded(name: str, run: Callable[[], int]) -> int:
     """Run a command; tell in one line what went wrong, and return its exit code."""
     # Matrices of this size are slower on several threads; must stand before numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -113,7 +100,7 @@ def _run(command: HelpRow | None, typed: list[str]) -> int:
 
 def build_parser(loaded: Sequence[HelpRow]) -> argparse.ArgumentParser:
     """Return the parser of all commands; only those that are `loaded` know their arguments."""
-    parser = _Parser(
+    parser = Parser(
         prog="telerobot",
         description="A control server for remote robot arms, its virtual hardware and its tools.",
         epilog="CELL is the path of a cell file or the name of a shipped one, such as pa10.\n"

@@ -10,9 +10,9 @@ from telerobot.config.load import load_cell
 from telerobot.tools import arguments
 from telerobot.tools.bench import cli, tick
 from telerobot.tools.bench.figures import Figures
-from telerobot.tools.cli import run_alone
 from telerobot.tools.recording.plot import require_matplotlib
 
+from ..equipment.alone import run_alone
 from . import fit, held, rover
 from .against import compare
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth

@@ -11,10 +11,10 @@ from typing import Any, get_type_hints
 
 from pydantic import TypeAdapter
 from telerobot.tools import arguments
-from telerobot.tools.cli import run_alone
 from telerobot.tools.host import jobs
 from telerobot.tools.host.jobs import seeds
 
+from ..equipment.alone import run_alone
 from .part import JobResult, Selection
 from .parts import PARTS
 

@@ -26,8 +26,9 @@ from telerobot.server.control.inputs import ToldTunnel
 from telerobot.server.control.spatial import Pose
 from telerobot.server.perception.scanning.contour import CellPlane, crossed
 from telerobot.server.perception.scanning.reflex import CriticalPoints
-from telerobot.tools.cli import run_alone
 from telerobot.tools.recording.plot.figure import Array, RecordedRun, load_recording
+
+from .alone import run_alone
 
 # --- A rover before a bridge, as in Zhang et al. 2013: scan, contour, tool and elbow over time ----
 #

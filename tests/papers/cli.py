@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
 from telerobot.tools import arguments
-from telerobot.tools.cli import run_alone
 from telerobot.tools.host import jobs
 
+from ..equipment.alone import run_alone
 from . import page
 from .exhibit import Number, Shown
 from .exhibits import EXHIBITS

@@ -14,7 +14,6 @@ Figures = dict[str, Any]
 """Named figures: numbers, truth values, and tables of them; units in the names."""
 
 PERCENTILES: Final = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
-PACKAGES: Final = ("telerobot", "numpy", "pin", "ruckig", "daqp", "eclipse-zenoh", "mujoco")
 
 
 def percentiles(values: NDArray[np.float64]) -> dict[str, float]:
@@ -30,7 +29,7 @@ def cpu_s(pid: int) -> float:
     return sum(int(ticks) for ticks in after_name[11:13]) / os.sysconf("SC_CLK_TCK")
 
 
-def machine(packages: tuple[str, ...] = PACKAGES) -> Figures:
+def machine(*packages: str) -> Figures:
     """Return what the figures depend on: cores, processor, kernel, versions of packages."""
     return {
         "cores": len(os.sched_getaffinity(0)),
@@ -39,7 +38,7 @@ def machine(packages: tuple[str, ...] = PACKAGES) -> Figures:
         "kernel": platform.release(),
         "python": platform.python_version(),
         "openblas_num_threads": os.environ.get("OPENBLAS_NUM_THREADS"),
-        "packages": {name: found or "missing" for name, found in versions(packages).items()},
+        "packages": {name: found or "missing" for name, found in versions(*packages).items()},
     }
 
 

@@ -17,20 +17,6 @@ PERIOD_S: Final = 0.002
 LATE_S: Final = 0.001
 """Worth a warning: wake-ups later than this at p99 are noticed in a period of 10 ms [s]."""
 TOO_LATE_S: Final = 0.005
-PACKAGES: Final = (
-    "cryptography",
-    "numpy",
-    "pin",
-    "ruckig",
-    "daqp",
-    "python-can",
-    "canopen",
-    "eclipse-zenoh",
-    "msgpack",
-    "pydantic",
-    "mujoco",
-    "mcap",
-)
 
 
 def examine(duration_s: float = 2.0) -> Iterator[Finding]:
@@ -103,7 +89,7 @@ def examine(duration_s: float = 2.0) -> Iterator[Finding]:
         + ("; set it to 1 in scripts of your own too" if threads == "1" else ": set it to 1"),
         {"openblas_num_threads": threads},
     )
-    found = machine.versions(PACKAGES)
+    found = machine.versions()
     missing = ", ".join(name for name, number in found.items() if number is None)
     yield Finding(
         "packages",

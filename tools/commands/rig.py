@@ -15,7 +15,7 @@ from ...protocols.topics import Role
 from ...server.process import PRIORITY as DAEMON
 from ..host.address import cell_from
 from ..host.local_plant import until_told
-from ..host.progress import Sparing
+from ..host.progress import sparing
 from ..simulation.sensors import FrameSensors
 
 PRIORITY = DAEMON + 1
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
             places = ", ".join(bus.place for bus in cell.config.fieldbuses)
             _prefer()
             print(f"telerobot: the rig of {name} is ready on {places}", flush=True)
-            pace = run_realtime(rig, over, session, tell=Sparing(TOLD_EVERY_S))
+            pace = run_realtime(rig, over, session, tell=sparing(TOLD_EVERY_S))
         finally:
             session.close()
             if scanner is not None:

@@ -11,7 +11,7 @@ from ...server.perception.scanning.process import ScanWork
 from ...server.perception.scanning.scanning import SCAN, Scanning
 from ..host.address import cell_from
 from ..host.local_plant import until_told
-from ..host.progress import Sparing, say
+from ..host.progress import say, sparing
 
 TOLD_EVERY_S = 5.0  # refused telegrams are told at most so often [s]
 
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     told = 0
     if session is not None:
         work = ScanWork(
-            session, scanning, lambda line: say(f"telerobot: {line}"), Sparing(TOLD_EVERY_S)
+            session, scanning, lambda line: say(f"telerobot: {line}"), sparing(TOLD_EVERY_S)
         )
         try:
             work.run(over)

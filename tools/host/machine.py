@@ -4,13 +4,14 @@ import atexit
 import ctypes
 import errno
 import os
+import re
 import secrets
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Final
 
@@ -101,10 +102,13 @@ def governor(root: Path = Path("/sys/devices/system/cpu")) -> str | None:
         return None
 
 
-def versions(packages: Iterable[str]) -> dict[str, str | None]:
-    """Return the version of each package that is installed here; None of one that is not."""
+def versions(*packages: str) -> dict[str, str | None]:
+    """Return each package's version, by default of all that `telerobot` needs; None: not here."""
+    needed = (
+        re.split(r"[^\w.-]", line)[0] for line in requires("telerobot") or () if "extra" not in line
+    )
     found: dict[str, str | None] = {}
-    for name in packages:
+    for name in packages or ("telerobot", *needed):
         try:
             found[name] = version(name)
         except PackageNotFoundError:

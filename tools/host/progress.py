@@ -28,25 +28,20 @@ def say(line: str) -> None:
     print(printable(line), file=sys.stderr, flush=True)
 
 
-class Sparing:
-    """Says what comes often: at most every so many seconds, and how many more there were."""
+def sparing(
+    every_s: float, say: Callable[[str], None] = say, clock: Callable[[], float] = time.monotonic
+) -> Callable[[str], None]:
+    """Return what says a line at most every so many seconds, and how many more there were."""
+    next_s, left_out = -math.inf, 0
 
-    def __init__(
-        self,
-        every_s: float,
-        say: Callable[[str], None] = say,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._every_s, self._say, self._clock = every_s, say, clock
-        self._next_s = -math.inf
-        self._left_out = 0
-
-    def __call__(self, why: str) -> None:
-        """Tell of one, now or as a part of the next line's count."""
-        now_s = self._clock()
-        if now_s < self._next_s:
-            self._left_out += 1
+    def tell(why: str) -> None:
+        nonlocal next_s, left_out
+        now_s = clock()
+        if now_s < next_s:
+            left_out += 1
             return
-        more = f" (and {self._left_out} more before)" if self._left_out else ""
-        self._say(f"telerobot: {why}{more}")
-        self._next_s, self._left_out = now_s + self._every_s, 0
+        more = f" (and {left_out} more before)" if left_out else ""
+        say(f"telerobot: {why}{more}")
+        next_s, left_out = now_s + every_s, 0
+
+    return tell

@@ -86,7 +86,7 @@ def main(arguments: list[str] | None = None) -> int:
     if args.markdown:
         args.markdown.write_text(markdown(results), encoding="utf-8")
     if args.json:
-        facts = {"machine": machine(LIBRARIES), "settings": settings, "runs": results}
+        facts = {"machine": machine(*LIBRARIES), "settings": settings, "runs": results}
         args.json.write_text(json.dumps(facts, indent=1), encoding="utf-8")
     return 130 if finished.interrupted else 0
 

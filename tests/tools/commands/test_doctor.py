@@ -104,7 +104,7 @@ def test_a_later_timer_is_judged_worse(monkeypatch):
 
 
 def test_a_missing_package_is_unfit(steady, monkeypatch):
-    monkeypatch.setattr(doctor, "PACKAGES", ("numpy", "no-such-package-here"))
+    monkeypatch.setattr(machine, "requires", lambda _: ["numpy>=2", "no-such-package-here"])
     assert status("packages") is Severity.ERROR
 
 

@@ -1,7 +1,7 @@
 """Progress is for terminals: what is read from a pipe has none of it."""
 
 from telerobot.tools.host import progress
-from telerobot.tools.host.progress import Sparing, counted, say
+from telerobot.tools.host.progress import counted, say, sparing
 
 
 class Terminal:
@@ -33,7 +33,7 @@ def test_items_pass_through_and_a_terminal_sees_how_many(monkeypatch, capsys):
 
 def test_a_flood_of_refused_faults_is_a_line_a_second():
     now, lines = [0.0], []
-    tell = Sparing(1.0, lines.append, lambda: now[0])
+    tell = sparing(1.0, lines.append, lambda: now[0])
     for k in range(3000):
         now[0] = 0.001 * k
         tell(f"fault refused: fault push: no target 'x{k}'")
