@@ -373,10 +373,11 @@ def _cameras(parts: Parts) -> Iterator[str]:
                     f"'{seen[camera.name]}': give one another name"
                 )
             seen[camera.name] = name
-    rig = parts[0].config.rig
+    rig, names = parts[0].config.rig, [part.config.mechanism.name for part in parts]
     for i, tag in enumerate(() if rig is None else rig.tags):
-        if tag.T_wrist_tag is not None and len(parts) > 1:
-            yield f"rig.tags[{i}].T_wrist_tag: there are several mechanisms: tags stand in World"
+        if tag.mechanism is not None and tag.mechanism not in names:
+            hint = nearest(tag.mechanism, names)
+            yield f"rig.tags[{i}].mechanism: value '{tag.mechanism}': no such mechanism{hint}"
 
 
 def _sight_lines(parts: Parts) -> Iterator[str]:

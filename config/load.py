@@ -83,6 +83,11 @@ class Cell:
             return (self,)
         return (replace(self, others=(), joint_tasks=()), *self.others)
 
+    def part(self, mechanism: str | None) -> "Cell":
+        """Return the part of a mechanism by its name, the first without one."""
+        by = {part.config.mechanism.name: part for part in self.parts}
+        return self.parts[0] if mechanism is None else by[mechanism]
+
     @property
     def carriers(self) -> tuple[int, ...]:
         """Of each part, the place of the one whose tip link it stands on; -1: it is in World."""
@@ -163,7 +168,7 @@ def grasp_part(cell: Cell, task: JointTaskSection, member: int) -> Cell:
 
     What one arm feels of another over the grasps is the stiffest that force control meets there.
     """
-    part = next(p for p in cell.parts if p.config.mechanism.name == task.by[member])
+    part = cell.part(task.by[member])
     mechanism = part.config.mechanism
     if mechanism.force_torque is not None:
         stiff = {

@@ -430,6 +430,9 @@ class RigTagSection(Section):
     T_wrist_tag: PoseSection | None = Field(
         None, description="its pose in the Wrist, if it is carried"
     )
+    mechanism: Name | None = Field(
+        None, description="whose Wrist carries it; none: the first mechanism's"
+    )
     tag: int = Field(0, ge=0, le=586, description="its id [1]")
     size: float = Field(0.1, gt=0, le=2, description="side of the black square [m]")
     family: TagFamily = Field("5x5_50", description="family of tags")
@@ -439,6 +442,8 @@ class RigTagSection(Section):
     def _one_place(self) -> "RigTagSection":
         if (self.T_world_tag is None) == (self.T_wrist_tag is None):
             raise ValueError("give either T_world_tag or T_wrist_tag")
+        if self.mechanism is not None and self.T_wrist_tag is None:
+            raise ValueError("mechanism: nobody carries a tag with T_world_tag")
         return self
 
 

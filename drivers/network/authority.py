@@ -306,7 +306,7 @@ def _virtual(cell: str) -> list[Holder]:
 def _used(cells: Sequence[Cell]) -> list[str]:
     """Return the keys on which sensors of these cells put."""
     used = {
-        "vision": any(cell.config.cameras for cell in cells),
+        "vision": any(cell.cameras for cell in cells),
         "obstacle": any(cell.config.keeps_clear for cell in cells),
         "frame": any(cell.config.frames.moving for cell in cells),
     }

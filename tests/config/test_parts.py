@@ -192,7 +192,10 @@ payload_mass = 0.5
          "obstacles[0].hard: value True: the sight line of 'eye' moves with the arm"),
         (PAIR + "[[tasks]]\nname = 'left'\nby = ['right']\n",
          "tasks[0].name: value 'left': the task of mechanism 'left', which has no table, is"),
-        (PAIR + TAG, "rig.tags[0].T_wrist_tag: there are several mechanisms: tags stand in World"),
+        (PAIR + TAG + "mechanism = 'lift'\n",
+         "rig.tags[0].mechanism: value 'lift': no such mechanism; did you mean 'left'"),
+        (PAIR + TAG.replace("wrist", "world") + "mechanism = 'left'\n",
+         "rig.tags[0]: mechanism: nobody carries a tag with T_world_tag"),
         (PAIR + "alike = 'pa10'\n", "mechanisms[1].alike: unknown key"),
     ],
 )  # fmt: skip

@@ -42,6 +42,7 @@ ELSEWHERE |= {"figure_4"}  # `test_planar3.py`
 ELSEWHERE |= {"drive_and_reach", "hold_in_world"}  # `test_rover.py`
 ELSEWHERE |= {"drive_past"}  # `test_rover_beside.py`
 ELSEWHERE |= {"torso"}  # `test_pa10_torso.py`
+ELSEWHERE |= {"eyes"}  # `test_pa10_eyes.py`
 ELSEWHERE |= {"bridge", "bridge_off"}
 """`test_bridge.py` plays the like, nearer."""
 FRAMES = {"conveyor", "platform", "frames_here", "all_sources", "see_and_press"}

@@ -295,6 +295,11 @@ def _pose(six: tuple[float, ...]) -> Pose:
     return Pose.from_xyz_rpy(six[:3], six[3:])
 
 
+def _wrist(truth: RigTruth, part: Cell) -> Pose:
+    m = part.config.mechanism
+    return _pose(truth.arms[m.name].pose_mrf) @ placed(m.T_wrist_mrf).inverse()
+
+
 # --- Depth of pegs as arms' tools: truly in a hole, wherever the hole really is -------------------
 def peg_depths(cell: Cell, truth: RigTruth) -> list[float]:
     """Return how deep each arm's peg is in the hole that it is nearest to the axis of [m].
@@ -405,7 +410,7 @@ class ViewJudge:
         self._eyes = {c.name: (part, c) for part in cell.parts for c in part.config.cameras}
         """Each camera, with the arm whose task it is for."""
         tags = () if cell.config.rig is None else cell.config.rig.tags
-        self._tags = {tag.tag: tag for tag in tags}
+        self._tags = {tag.tag: (cell.part(tag.mechanism), tag) for tag in tags}
         kept = (part.config.sources.vision.camera for part in cell.parts)
         self._camera = next((name for name in kept if name), None) or next(iter(self._eyes), "")
         self._stored: dict[str, Pose] = {}
@@ -420,20 +425,18 @@ class ViewJudge:
         """Return the true pose of a camera's tag in its Lens, None where there is no such tag."""
         if (eye := self._eyes.get(camera or self._camera)) is None:
             return None
-        mechanism, section = eye[0].config.mechanism, eye[1]
-        if (tag := self._tags.get(section.tag)) is None:
+        (part, section), (carrier, tag) = eye, self._tags.get(eye[1].tag, (eye[0], None))
+        if tag is None:
             return None
-        T_world_mrf = _pose(truth.arms[mechanism.name].pose_mrf)
-        T_world_wrist = T_world_mrf @ placed(mechanism.T_wrist_mrf).inverse()
-        base = None if stands(eye[0]) else truth.frames.get("base")
+        base, home = truth.frames.get("base"), placed(part.config.mechanism.T_world_base)
         places = {
-            "wrist": T_world_wrist,
-            "base": placed(mechanism.T_world_base) if base is None else _pose(base),
+            "wrist": _wrist(truth, part),
+            "base": home if base is None or stands(part) else _pose(base),
             "world": Pose.identity(),
         }
         T_world_lens = places[section.on] @ placed(section.place)
         if tag.T_wrist_tag is not None:
-            return T_world_lens.inverse() @ (T_world_wrist @ placed(tag.T_wrist_tag))
+            return T_world_lens.inverse() @ (_wrist(truth, carrier) @ placed(tag.T_wrist_tag))
         return T_world_lens.inverse() @ _pose(truth.tags[tag.name])
 
     def error_px(self, truth: RigTruth) -> float | None:

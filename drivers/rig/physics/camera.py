@@ -85,13 +85,14 @@ class RigCameras:
         self._cameras = {c.name: c for c in cell.cameras if c.device is None}
         spec.compiler.discardvisual = False  # what only can be seen is what we are here for
         for part in cell.parts:
-            tip = spec.body(part.prefix + part.config.mechanism.tip_link)
+            tip = _tip(spec, part)
             stands = {"world": spec.worldbody, "base": _root(tip, part.prefix), "wrist": tip}
             for camera in part.config.cameras:
                 if camera.name in self._cameras:
                     _add_camera(stands[camera.on], camera)
         for tag in rig.tags:
-            _add_tag(spec, spec.worldbody if tag.T_world_tag else tip, tag)  # of the only arm
+            carrier = _tip(spec, cell.part(tag.mechanism))
+            _add_tag(spec, spec.worldbody if tag.T_world_tag else carrier, tag)
         _light(spec)
         width = max((c.size[0] for c in self._cameras.values()), default=640)
         height = max((c.size[1] for c in self._cameras.values()), default=480)
@@ -186,6 +187,10 @@ class ToldCameras(RigCameras):
             return None
         base = truth.frames.get("base")
         return self.picture(camera, truth.q, truth.covered, truth.tags, base)
+
+
+def _tip(spec: mujoco.MjSpec, part: Cell) -> mujoco.MjsBody:
+    return spec.body(part.prefix + part.config.mechanism.tip_link)
 
 
 def _root(body: mujoco.MjsBody, prefix: str) -> mujoco.MjsBody:

@@ -427,12 +427,9 @@ def described_rig(cell: Cell) -> dict[str, Any] | None:
 
 def _tag(tag: RigTagSection) -> dict[str, Any]:
     place = tag.T_world_tag if tag.T_world_tag is not None else tag.T_wrist_tag
-    return {
-        "name": tag.name,
+    return tag.model_dump(include={"name", "mechanism", "size", "colour"}) | {
         "on": "world" if tag.T_world_tag is not None else "wrist",
         "pose": None if place is None else of_pose(place),
-        "size": tag.size,
-        "colour": tag.colour,
         "cells": _cells(tag),
     }
 

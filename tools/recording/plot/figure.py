@@ -91,7 +91,7 @@ class RecordedRun:
         rig = self.cell.config.rig
         tags = {} if rig is None else {tag.tag: tag.name for tag in rig.tags}
         found = []
-        for camera in self.cell.config.cameras:
+        for camera in self.cell.cameras:
             pose = (truth.get("tags") or {}).get(tags.get(camera.tag, ""))
             if camera.T_world_lens is not None and pose is not None:
                 found.append((np.array(camera.T_world_lens.xyz), np.array(pose[:3])))
@@ -99,10 +99,10 @@ class RecordedRun:
 
     def camera(self, name: str) -> CameraSection:
         """Return a camera of the cell. Raises `ConfigError`."""
-        for camera in self.cell.config.cameras:
+        for camera in self.cell.cameras:
             if camera.name == name:
                 return camera
-        known = ", ".join(c.name for c in self.cell.config.cameras) or "none"
+        known = ", ".join(c.name for c in self.cell.cameras) or "none"
         raise ConfigError(f"{self.cell.path}: cameras: the cell has no camera '{name}'; {known}")
 
 
@@ -174,7 +174,7 @@ NAMED_LINKS = 4  # number of closest links drawn in colour and named [1]
 def distances(run: RecordedRun, ax: Axes) -> bool:
     """Distance of each link to each line of sight, and of the arm to what is fixed (fig. 10)."""
     every = [
-        (values, f"{link}, {camera}" if len(run.cell.config.cameras) > 1 else link)
+        (values, f"{link}, {camera}" if len(run.cell.cameras) > 1 else link)
         for camera, links in run.sight_distances().items()
         for link, values in links.items()
     ]
@@ -440,7 +440,7 @@ def drawn(run: RecordedRun, panels: Sequence[str], stills: int) -> Figure:
 def compared(runs: Sequence[RecordedRun], at_s: float | None, camera: str | None) -> Figure:
     """Return runs side by side: the scene at one moment, as the camera saw it, the distances."""
     moment = runs[0].closest_sight() if at_s is None else at_s
-    cameras = runs[0].cell.config.cameras
+    cameras = runs[0].cell.cameras
     name = camera or (cameras[0].name if cameras else None)
     if camera is not None:
         runs[0].camera(camera)

@@ -68,7 +68,9 @@ export function createSurroundings(description, materials, labels) {
     },
     pose(view, lensAt) {
       for (const { tag, sheet: shown } of tags) {
-        if (tag.on === "wrist") place(shown, composed(view.links[description.tasks[0].tip], tag.pose));
+        const by = description.tasks.find((task) => task.mechanism === tag.mechanism)
+          ?? description.tasks[0];
+        if (tag.on === "wrist") place(shown, composed(view.links[by.tip], tag.pose));
       }
       for (const each of obstacles.values()) each.look(view, lensAt);
       if (beam) {
