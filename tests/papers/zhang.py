@@ -1,5 +1,6 @@
 """Zhang et al. 2013: an arm on wheels that sees a bridge, folds, and drives through below."""
 
+import itertools
 import math
 import tempfile
 from pathlib import Path
@@ -46,8 +47,9 @@ ARM: Final = slice(2, None)
 """The arm's joints, behind the wheels, whose angles change nothing of it."""
 SPOT_S: Final = (5.5, 8.0)
 """While the script `skid` turns the base on the spot, at an even rate [s]."""
-HEIGHT_M, STUCK_M = 0.60, 0.65
-"""Undersides of bridges below which the printed order leads through, and to and fro [m]."""
+HEIGHT_M, HIGHER_M = 0.60, 0.65
+"""Undersides of two bridges [m]; below the second an elbow from a grid, in place of one on its
+circle, undoes what F₁ did."""
 
 
 # --- Equations 1 to 8: a base and an arm as one ---------------------------------------------------
@@ -331,7 +333,12 @@ def order() -> Shown:
     for name, colour in zip(("F₁", "F₂", "F₃"), COLOURS, strict=False):
         axes[0].plot([], [], "s", color=colour, alpha=0.5, label=name)
     above(figure, axes[0])
-    circle = printed_order(STUCK_M, 3)[1]
+    higher = critical.of(np.array(printed_order(HIGHER_M, 6)[1]))
+    still = bridge_cells(HIGHER_M)
+    left = sum(
+        int(np.count_nonzero(crossed(a[1:], b[1:], PLANE) & still))
+        for a, b in itertools.combinations(higher[-1][[0, 1, -1]], 2)
+    )
     first, last = (critical.of(postures[k][None])[0] for k in (0, -1))
     cells = [PLANE.cell_of(x[1], x[2]) for x in (first[0], first[1], first[-1])]
     numbers = [
@@ -346,9 +353,11 @@ def order() -> Shown:
         at_most("tool after the first step", heights[1][1], "below the bridge", HEIGHT_M, "m"),
         at_least("elbow after the first step", heights[1][0], "later than the tool", HEIGHT_M, "m"),
         at_most("elbow at the end", float(last[1, 2]), "below the bridge", HEIGHT_M, "m"),
+        at_most("steps until nothing interferes, bridge at 0.65 m", len(higher) - 1, "not told", 3),
+        at_most("cells of E that interfere at the end, bridge at 0.65 m", left, "not told", 0),
         at_most(
-            "from the first to the third posture, bridge at 0.65 m",
-            float(np.abs(circle[3] - circle[1]).max()), "not told", 1e-9, "rad",
+            "way of the tool while the elbow turns, bridge at 0.65 m",
+            round(float(np.linalg.norm(higher[2, -1] - higher[1, -1])), 9), "not told", 1e-3, "m",
         ),
     ]  # fmt: skip
     return Shown(numbers, svg(figure))
@@ -502,11 +511,13 @@ ZHANG = Paper(
             "with their neighbours; F₁ moves the tool to the nearest safe cell, F₂ the elbow, F₃ "
             "brings the tool onto the line of the other two.",
             "The arm's lengths are not printed: ours are those of its data sheet, and the rows are "
-            "those of an independent grid. F₁ and F₂ may undo each other: below a bridge of 0.65 m "
-            "the third posture is the first one again. The server refuses that by name "
-            "(`sequence_stuck`); by default it searches whole postures instead. One neighbouring "
-            "cell is too thin for a true housing: the server's reach is the link's radius and a "
-            "margin.",
+            "those of an independent grid. How the elbow moves is left to another paper: the "
+            "server turns it on its circle about the line of F₁, so that the tool stands. Where it "
+            "took any posture of a grid, F₂ undid F₁ below a bridge of 0.65 m, and so on for ever. "
+            "F₃ has to ask that its line be free, too. What still comes back to a posture is "
+            "refused by name (`sequence_stuck`); by default the server searches whole postures "
+            "instead. One neighbouring cell is too thin for a true housing: the server's reach is "
+            "the link's radius and a margin.",
             "The arm from ahead, before and after each step; a bridge of 0.60 m above its foot.",
             'make papers ARGS="--only order"',
             order,

@@ -101,6 +101,26 @@ class CriticalPoints:
         between = [frames[:, j, :, 3] for j in self._between]
         return np.stack([frames[:, self._shoulder, :, 3], *between, tool], axis=1)
 
+    def holding(self, tool: Array, q: Array) -> Array:
+        """Return postures (k, n) with the tool (3,) at a place, from those of q (s, n) near it.
+
+        Only joints up to the elbow's bring it there (Newton's method). What does not get there
+        within the joints' ranges is left out.
+        """
+        lead, step = self.lead, 1e-6
+        either = step * np.concatenate([np.eye(lead, q.shape[1]) * side for side in (1, -1)])
+        for _ in range(CORRECTIONS):
+            beside = self.of((q + either[:, None]).reshape(-1, q.shape[1]))[:, -1]
+            plus, minus = beside.reshape(2, lead, len(q), 3)
+            J = ((plus - minus) / (2.0 * step)).transpose(1, 2, 0)
+            off = (tool - self.of(q)[:, -1])[:, :, None]
+            Jt = J.transpose(0, 2, 1)
+            q = q.copy()
+            q[:, :lead] += (Jt @ np.linalg.solve(J @ Jt + 1e-9 * np.eye(3), off))[:, :, 0]
+        there = np.linalg.norm(self.of(q)[:, -1] - tool, axis=1) < HELD
+        found: Array = q[there & ((q >= self.lower) & (q <= self.upper)).all(axis=1)]
+        return found
+
     def beyond_elbow(self, q: Array) -> Array:
         """Return the critical points behind the elbow (m − 2, 3) as the elbow's joint sees them."""
         frame = self._frames(q[None])[0, self._elbow]
@@ -161,6 +181,10 @@ PIECE: Final = 0.015
 """Links are looked at point by point, so far apart [m]."""
 STILL: Final = 0.06
 """An elbow or a tool that moves less stands still, as the grid goes [m]."""
+NEAR: Final = 0.15
+"""Postures of the grid whose tool is nearer to a place are brought there [m]."""
+CORRECTIONS, HELD = 4, 1e-3
+"""Steps of Newton's method [1], and how near they bring the tool [m]."""
 
 
 FROM_SHOULDER: Final = 0.06
@@ -288,20 +312,24 @@ class Search:
         now = self.points.of(q[None])[0]
         cost = np.linalg.norm(parts[-1] - now[-1], axis=1)
         cost += 0.5 * np.linalg.norm(parts[1] - now[1], axis=1)
-        cost[~found] = np.inf
+        return self._cheapest(q, q_all[found], cost[found], obstacles)
+
+    def _cheapest(
+        self, q: Array, goals: Array, cost: Array, obstacles: Obstacles
+    ) -> FoldingPosture:
+        """Return the goal (s, n) of least cost (s,) to which the way is free."""
         for k in np.argsort(cost, kind="stable")[:TRIED].tolist():
-            if np.isinf(cost[k]):
-                break
-            if self.way_is_free(q, q_all[k], obstacles, self.reach.trigger):
-                return FoldingPosture(q_all[k])
+            if self.way_is_free(q, goals[k], obstacles, self.reach.trigger):
+                return FoldingPosture(goals[k])
         return FoldingPosture(None, "no_way")
 
     def sequence(self, q: Array, obstacles: Obstacles) -> FoldingPosture:
         """Return the next posture by the paper's order: F1, then F2, then F3 (Zhang, section 4).
 
         F1: the tool to the nearest place from which the line to the shoulder is free. F2: the elbow
-        by self-motion. F3 alone: the tool onto the line of shoulder and elbow. None is looked at
-        before those before it are free.
+        round its circle about that line, by self-motion: the tool stands. F3 alone: the tool onto
+        the line of shoulder and elbow, where it is free. None is looked at before those before it
+        are free.
         """
         blocked = self.blocked(obstacles)
         if blocked:
@@ -309,28 +337,30 @@ class Search:
         now = self.points.of(q[None])[0]
         # Each line begins off the shoulder on its own way, as those of the candidates do.
         lines = (moving(now[[0, -1]][None])[0], moving(now[[0, 1]][None])[0], now[1:])
-        met = [float(clearances(x, obstacles).min(initial=np.inf)) for x in lines]
+        met = [clearance(line, obstacles) < self.reach.trigger for line in lines]
+        if not any(met):
+            return FoldingPosture(q)
         q_all, parts = self._candidates(q, q[self.points.lead :])
-        elbow = np.linalg.norm(parts[1] - now[1], axis=1)
-        tool = np.linalg.norm(parts[-1] - now[-1], axis=1)
-        if met[0] < self.reach.trigger:
-            free = self._free([parts[0], parts[-1]], obstacles, (True,))
-            cost, reason = tool + 1e-3 * elbow, "sequence_f1"
-        elif met[1] < self.reach.trigger:
-            free = self._free(parts[:2], obstacles, (True,)) & (tool < STILL)
-            cost, reason = elbow, "sequence_f2"
-        elif met[2] < self.reach.trigger:
+        rule = met.index(True)
+        if rule == 0:
+            parts = [parts[0], parts[-1]]
+        elif rule == 1:
+            near = np.linalg.norm(parts[-1] - now[-1], axis=1) < NEAR
+            q_all = self.points.holding(now[-1], q_all[near])
+            parts = list(self.points.of(q_all).transpose(1, 0, 2))
+        free = self._free(parts, obstacles, (rule < 2, *(rule == 2,) * (len(parts) - 2)))
+        if rule == 2:
             along = now[1, 1:] - now[0, 1:]
             along = along / max(float(np.linalg.norm(along)), 1e-9)
             off = parts[-1][:, 1:] - now[0, 1:]
-            cost = np.abs(off[:, 0] * along[1] - off[:, 1] * along[0])
-            free, reason = (elbow < STILL) & (cost < STILL), "sequence_f3"
-            cost = tool
-        else:
-            return FoldingPosture(q)
+            free &= np.abs(off[:, 0] * along[1] - off[:, 1] * along[0]) < STILL
+            free &= np.linalg.norm(parts[1] - now[1], axis=1) < STILL
         if not free.any():
-            return FoldingPosture(None, reason)
-        return FoldingPosture(q_all[int(np.argmin(np.where(free, cost, np.inf)))])
+            return FoldingPosture(None, f"sequence_f{rule + 1}")
+        moved = 1 if rule == 1 else -1
+        cost = np.linalg.norm(parts[moved] - now[moved], axis=1)
+        cost += 1e-3 * np.linalg.norm(q_all - q, axis=1)
+        return self._cheapest(q, q_all[free], cost[free], obstacles)
 
     def _candidates(self, q: Array, wrist: Array) -> tuple[Array, list[Array]]:
         """Return whole postures (s, n), and their critical points, each (s, 3)."""
@@ -349,13 +379,14 @@ class Search:
         tool = parts[-1]
         beside = np.hypot(tool[:, 0], tool[:, 1]) > FROM_COLUMN
         above = tool[:, 2] > parts[0][:, 2] + FROM_COLUMN
-        free[0, ~((tool[:, 2] > LOWEST) & (beside | above))] = 0.0
+        low = np.minimum(parts[1][:, 2], tool[:, 2]) <= LOWEST
+        free[0, low | ~(beside | above)] = 0.0
         field = distance_field(obstacles, self.plane)
         step = self.plane.cell / NODES_PER_CELL
         begin = _along(parts[0], parts[1])
         for start, end, asked in zip([begin, *parts[1:-1]], parts[1:], which, strict=True):
             if asked:
-                longest = float(np.linalg.norm(end - start, axis=1).max())
+                longest = float(np.linalg.norm(end - start, axis=1).max(initial=0.0))
                 free_links(
                     start, end, field, step, -0.5 * self.plane.width, self.reach.choose,
                     max(1, int(np.ceil(longest / PIECE))), free,
