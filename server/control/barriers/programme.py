@@ -8,6 +8,12 @@ fall below `SLIDE`: what is still too much then is taken off sideways, and since
 is, it is what approaches that goes. The rest slides on, along the barrier; where nothing is left
 of the motion but what approaches, the arm stands.
 
+Slowing keeps a tool on its path while a gap may still close. Where it may not, a slower tool leaves
+the path by as much on the same way, and only takes longer. So of a gap that may close at the part ρ
+of what it is asked to, s is not below 1 − ρ either: a tool that comes to a barrier slows, and is
+back at what was asked for once it slides. How fast a gap is to be widened counts as left, too: what
+mends it may take the time that this needs.
+
 Barriers are hard, where standing keeps them all; where a joint is to be led back into its limits,
 those of the joint rates are, and the others as well as can be. That a gap is widened has a price:
 as well as it can be, and never by closing another faster than the room of that one allows.
@@ -39,7 +45,8 @@ LEAVE_PATH = 1000.0
 SLOW_DOWN = 3.0
 """Cost of going slower than asked, per (m/s)²."""
 SLIDE = 0.5
-"""Slowed to this share of what is asked, the tool goes no slower but leaves the path [1]."""
+"""Slowed to this share of what is asked, the tool goes no slower but leaves the path [1]; to more
+where less of its approach is left."""
 ATTITUDE = 3.0
 """Rotations count so much more here than in the resolution of tool rates: a tool that is pushed at
 something is not to tilt for the little way that this gains it [1]."""
@@ -228,9 +235,15 @@ def _programme(
     for t in range(tools):
         lower[n + t], upper[n + t] = SLIDE, 1.0
     for i in range(m):
-        lower[size + i] = kept[i]
+        lower[size + i], rate = kept[i], 0.0
         for j in range(n):
             A[i, j] = slopes[i, j]
+            rate += slopes[i, j] * dq[j]
+        if rate < kept[i]:
+            least_share = 1.0 - (2.0 * kept[i] - least[i]) / rate
+            for j in range(n):
+                if slopes[i, j] != 0.0:
+                    lower[n + tool[j]] = max(lower[n + tool[j]], least_share)
     for i in range(wide):
         gap = widened[i]
         cost = np.inf

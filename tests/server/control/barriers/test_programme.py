@@ -88,8 +88,12 @@ def test_a_joint_that_leads_away_from_its_bound_is_not_held(arm, rng):
         np.testing.assert_allclose(found.dq, dq, atol=1e-6)
 
 
-def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng):
-    """Six joints have no self-motion: the slowed tool motion, projected on the barrier."""
+@pytest.mark.parametrize("left", [0.5, 0.3, 0.0])
+def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng, left):
+    """Six joints have no self-motion: the slowed tool motion, projected on the barrier.
+
+    The less is `left` of the approach, the less slow it is.
+    """
     V, M = 10.0 * ur5e.p.joints.velocity, np.diag([1.0] * 3 + [(ATTITUDE * L) ** 2] * 3)
     for _ in range(50):
         J = jacobian(ur5e, ur5e.posture("ready") + rng.uniform(-0.2, 0.2, 6))
@@ -99,13 +103,13 @@ def test_where_slowing_is_not_enough_only_what_approaches_is_given_up(ur5e, rng)
         n = -M @ x / np.sqrt(x @ M @ x) + rng.normal(size=6) * [1.0, 1.0, 1.0, 0.9, 0.9, 0.9]
         if n @ x > -0.3 * np.sqrt((x @ M @ x) * (n @ np.linalg.solve(M, n))):
             continue
-        found = nearest(dq, J, -V, V, V, L, (n[None] @ J, np.zeros(1)))
-        turn = np.linalg.solve(M, n)
-        expected = SLIDE * (x - turn * (n @ x) / (n @ turn))
+        found = nearest(dq, J, -V, V, V, L, (n[None] @ J, np.array([left * (n @ x)])))
+        turn, pace = np.linalg.solve(M, n), 1.0 - left
+        expected = pace * x - turn * ((pace - left) * (n @ x) / (n @ turn))
         np.testing.assert_allclose(J @ found.dq, expected, atol=0.02 * np.linalg.norm(x))
-        assert n @ J @ found.dq > -2e-4
-        assert found.pace == pytest.approx(SLIDE)
-        assert found.share <= SLIDE + 1e-9
+        assert n @ J @ found.dq > left * (n @ x) - 2e-4
+        assert found.pace == pytest.approx(pace, abs=0.02)
+        assert found.share <= found.pace
 
 
 def test_a_motion_straight_at_a_barrier_is_all_given_up(ur5e, rng):
@@ -181,6 +185,10 @@ def test_the_programme_has_the_costs_that_are_stated(rng, tool):
         assert 0.5 * z @ H @ z + f @ z == pytest.approx(0.5 * cost, rel=1e-9)
         np.testing.assert_allclose(A @ z, [*(slopes @ rates), slopes[1] @ rates + short[0]])
     shares = [nearest_module.SLIDE] * tools
+    for slope, left, widened in zip(slopes, [0.2, 0.0, 0.1], [0.0, 0.01, 0.0], strict=True):
+        if slope @ dq < -left:
+            for t in set(tool[slope != 0.0].tolist()):
+                shares[t] = max(shares[t], 1.0 + (left + widened) / (slope @ dq))
     np.testing.assert_array_equal(lower, [*low, *shares, 0.0, -0.2, 0.0, -0.1, 0.01])
     np.testing.assert_array_equal(upper[: n + tools], [*high, *([1.0] * tools)])
     assert not sense.any()
