@@ -17,6 +17,8 @@ class Published(NamedTuple):
     urdf: Path
     tips: tuple[str, ...] = ()
     """Last links of its arms, where `init` asks for them: one cell of all."""
+    refused: str = ""
+    """Part of the line with which `init` rightly refuses it; empty for one that moves."""
 
 
 _ERD: Final = {
@@ -84,6 +86,10 @@ _RTB: Final = {
     "puma560": ("unimation_puma560_description/urdf/puma560_robot.urdf",),
 }
 
+# A cylinder 2 m wide around all of its body, which tests a parser: an arm in there touches it
+# wherever it is.
+_REFUSED: Final = {"simple_humanoid": "none has room to move the tool"}
+
 
 def published() -> list[Published]:
     """Return what is installed, of `example-robot-data`, pybullet and `rtb-data`."""
@@ -95,7 +101,7 @@ def published() -> list[Published]:
         folders = [] if spec is None else spec.submodule_search_locations or []
         places += [(Path(folder) / under, listed) for folder in folders]
     there = {
-        name: Published(name, folder / path, tuple(tips))
+        name: Published(name, folder / path, tuple(tips), _REFUSED.get(name, ""))
         for folder, listed in reversed(places)
         for name, (path, *tips) in listed.items()
         if (folder / path).is_file()
