@@ -152,6 +152,11 @@ def mode_disagreements(config: CellConfig) -> Iterator[str]:
             "mechanism.operation_mode: value 'cst': the law takes Base to stand, but there is "
             "[mechanism.base]"
         )
+    if mechanism.base is not None and config.potential.search:
+        yield (
+            f"potential.search: value {config.potential.search}: the search takes Base to stand, "
+            "but there is [mechanism.base]"
+        )
     if mechanism.operation_mode == "cst":
         if config.frames.base is not None:
             yield (

@@ -76,6 +76,14 @@ class PotentialFieldSection(Section):
     least_distance: float = Field(
         0.02, ge=0.001, le=0.5, description="bounds the field: distances count no less [m]"
     )
+    search: int = Field(
+        0,
+        ge=0,
+        le=8,
+        description="steps of the search for the least potential in each period, each at most "
+        "0.2 rad, from where the task will have the arm after 1 / redundancy.field: joints come "
+        "back with the tool; 0: the slope where the arm is, behind which they stay [1]",
+    )
     virtual_link: VirtualLinkSection | None = Field(
         None, description="lets the tool leave its path"
     )

@@ -193,6 +193,11 @@ def test_a_base_takes_part_in_objectives_of_the_arms_posture_alone(cell):
         cell('extends = "rover"\n[mechanism.base]\nobjectives = ["along"]')
 
 
+def test_a_search_of_the_least_potential_takes_base_to_stand(cell):
+    with pytest.raises(ConfigError, match=r"potential.search: value 2: .*\[mechanism.base\]"):
+        cell('extends = "rover"\n[potential]\nsearch = 2')
+
+
 @pytest.mark.parametrize(
     ("wheels", "words"),
     [

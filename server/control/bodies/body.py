@@ -5,7 +5,7 @@ what it does otherwise, and gets its row in `arm.py`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -14,19 +14,26 @@ from ..axes import HeldAxes
 from ..inputs import DriveRequest, Settings, ToldTunnel
 from ..mechanism.model import Mechanism
 from ..mechanism.objectives import View
+from ..mechanism.potentials import FieldView
 from ..mechanism.redundancy import NO_DIRECTIONS, Field, Redundancy, shifted
 from ..mechanism.resolution import Resolved, Travel, resolve
 from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
-from ..spatial import Array, Kinematics, Pose, jacobian_at, nonzero, twist_at
+from ..spatial import Array, Kinematics, Pose, jacobian_at, nonzero, pose_error, twist_at
 from ..stop.limiter import StopConstraint
-from .rates import ArmMeasurement, Insertion, JointRates, RateRequest
+from .rates import NO_LEVER, ArmMeasurement, Insertion, JointRates, RateRequest
 
 # --- Joint rates of a twist, and what spare joints do beside --------------------------------------
 #
 # It knows no sources: one twist goes in, whoever asked for it. Joints may share the work unequally
 # (Zhang et al. 2013, eq. 8, weighted): with D their shares, J_W⁺ = D (J D)⁺, and P = 1 − J_W⁺ J is
 # an oblique projector.
+
+
+MOST_AHEAD_S: Final = 0.5
+"""The search for the least potential begins where the task leads in no more than this [s]."""
+MOST_STEP: Final = 0.2
+"""Of a joint, in one step of the search [rad]."""
 
 
 class Shares(NamedTuple):
@@ -56,7 +63,7 @@ class Resolver:
         """
         self._lower, self._upper, self._section = p.joints.lower, p.joints.upper, p.resolve
         self._redundancy, self._field, self._priority = redundancy, field, p.priority
-        self._even, self._own = Shares(mechanism.rank), own
+        self._even, self._own, self._mechanism = Shares(mechanism.rank), own, mechanism
         self.by_hand = SelfMotionByHand(
             p.joints,
             mechanism,
@@ -104,9 +111,11 @@ class Resolver:
         if spare:
             plain, J = task.null, k.J if self._own is None or whole else self._own * k.J
             near = None if self._priority is None else seen.near
-            if D is not None and (view is not None or near is not None):
-                plain = np.linalg.qr((task.null * D).T)[0].T
+            if view is not None or near is not None:
+                plain = _spanned(task.null, D)
             downhill, felt = self._field.self_motion(view, plain)
+            if view is not None and self._field.search:
+                downhill = self._searched(request, view, task.dq, shares)
             outside = {} if downhill is None else {"field": downhill}
             if self._priority is not None and near is not None:
                 outside["spheres"] = self._priority.rates(near, plain)
@@ -121,6 +130,39 @@ class Resolver:
             dq, self_motion, task.sigma_min, limits, felt, give_way, links, by_hand=by_hand
         )
         return self._led(found, k, task.null, request) if request.led_by_hand else found
+
+    def _searched(
+        self, request: RateRequest, view: FieldView, dq_task: Array, shares: Shares
+    ) -> Array:
+        """Return the joint rates (n,) to the least potential, at a gain of 1 /s, by a search.
+
+        Scott and Carignan 2008, eqs. 3 to 6: from q_0 = q + dq_task · a time, which the task leads
+        to, a fixed number of steps, each Δq = P (−∇V) as long as the slope's curvature has it, with
+        the tool brought back by J⁺. Their sum is what the null space takes. Over the time in which
+        the field's gain follows, joints then lag behind no least that moves: they depend on where
+        the tool is, and not on how it came there (Wang and Kumar 2001).
+        """
+        seen = request.seen
+        settings, scene = seen.inputs.settings, seen.inputs.scene
+        time_s = min(1.0 / request.objectives.gains["field"], MOST_AHEAD_S)
+        q = begin = seen.commanded.motion.q + time_s * dq_task
+        k = aim = self._mechanism.kinematics(q, settings.T_wrist_mrf, seen.T_world_base)
+        R, held = seen.kinematics.T_world_mrf.R, seen.held
+        for _ in range(self._field.search):
+            turned = None if held is None else held.seen(k.T_world_mrf.R @ R.T)
+            error = pose_error(aim.T_world_mrf, k.T_world_mrf)
+            if turned is not None:
+                error = turned.error(error)
+            task = self.resolve(q, k.J, error, NO_LEVER, shares, turned)
+            there = self._field.look(
+                q, k, scene, request.objectives, seen.T_world_base, None, turned
+            )
+            step = self._field.self_motion(there, _spanned(task.null, shares.D))[0]
+            if step is not None:
+                q = q + step / max(1.0, float(np.abs(step).max()) / MOST_STEP)
+            q = np.clip(q + task.dq, self._lower, self._upper)
+            k = self._mechanism.kinematics(q, settings.T_wrist_mrf, seen.T_world_base)
+        return np.asarray(q - begin)
 
     def _led(
         self, found: JointRates, k: Kinematics, null: Array, request: RateRequest
@@ -160,6 +202,11 @@ class Resolver:
             return resolve(J, twist, self._section, Travel(down, up), rank, held)
         task = resolve(J * D, twist, self._section, Travel(down / D, up / D), rank, held)
         return task._replace(dq=D * task.dq)
+
+
+def _spanned(null: Array, D: Array | None) -> Array:
+    """Return orthonormal rows (r, n) of self-motions, given those of joints with shares D (n,)."""
+    return null if D is None else np.linalg.qr((null * D).T)[0].T
 
 
 def judged_at(k: Kinematics, lever: Array) -> Kinematics:

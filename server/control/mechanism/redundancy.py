@@ -324,6 +324,8 @@ class Field:
         self._link = c.virtual_link
         self._capsules = capsules
         self._to_posture = c.rest == "posture"
+        self.search = c.search
+        """Steps of the search for the least potential in a tick [1]; 0: none."""
         body = np.zeros(0, dtype=np.int64) if capsules is None else capsules.body
         k = Strengths(c.obstacles, c.lines, c.joint_limits, c.manipulability)
         smooth = c.line_model == "smooth"

@@ -8,13 +8,19 @@ from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.null_space import PotentialFieldSection, VirtualLinkSection
 from telerobot.config.schema.surroundings import ObstacleSection
 from telerobot.server.control.arm import Arm as ArmControl
-from telerobot.server.control.inputs import ObjectiveGains, PathGoal, Settings, VirtualLinks
+from telerobot.server.control.inputs import (
+    ObjectiveGains,
+    PathGoal,
+    Settings,
+    StickCommand,
+    VirtualLinks,
+)
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import ahead, shape
 from telerobot.server.control.mechanism.redundancy import Field
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.proximity.capsules import Capsules
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Pose, pose_error
 from telerobot.server.control.task.position import PositionState
 from telerobot.server.control.tick import Control
 from telerobot.server.events import Events
@@ -431,3 +437,64 @@ def test_an_arm_with_spare_joints_uses_them_and_the_link(start):
 def test_links_that_are_no_directions_are_refused(directions, words):
     with pytest.raises(ValueError, match=words):
         VirtualLinkSection(directions=directions)
+
+
+def rounds(start, search, sense):
+    """Drive a tool three times on a circle, 6 cm/s, and return the postures and the slopes.
+
+    Of the last round, postures (n, 7) in the order of a circle that is gone in sense +1.
+    """
+    potential = STRENGTHS.model_copy(update={"search": search})
+    arm, scene = arm_among("pa10", EVERY_KIND, potential, field=4.0)
+    run = start(arm, arm.posture("ready") + np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]))
+    run.go(3.0, scene=scene)
+    at, n, postures, slopes = run.pose, round(4.0 / arm.p.period_s), [], []
+    for k in range(2 * n):
+        a = sense * 2.0 * np.pi * k / n
+        aim = at.p + 0.08 * np.array([0.0, np.sin(a), np.cos(a) - 1.0])
+        way = sense * 0.04 * np.pi * np.array([0.0, np.cos(a), -np.sin(a)])
+        twist = np.concatenate([way, np.zeros(3)]) + 4.0 * pose_error(Pose(at.R, aim), run.pose)
+        output = run.tick(scene=scene, stick=StickCommand(twist, np.eye(3)))
+        postures.append(run.sent[-1])
+        slopes.append(output.desired.found.field.slope)
+    run.observe()
+    last = np.array(postures[n:])
+    return arm, scene, (last if sense > 0 else last[-2::-1]), max(slopes[n:])
+
+
+def test_with_a_search_joints_are_where_the_tool_is_however_it_came_there(start):
+    """Wang's cyclic property (Scott and Carignan 2008, section II): 0.13 rad without a search."""
+    arm, scene, there, slope = rounds(start, 2, +1)
+    back, n = rounds(start, 2, -1)[2], len(there)
+    assert np.abs(there[: n - 1] - back).max() < 0.015
+    assert slope < 1e-3
+    lags = rounds(start, 0, +1)[2][: n - 1] - rounds(start, 0, -1)[2]
+    assert np.abs(lags).max() > 0.08
+    # The least of all postures of the self-motion around, 2 mrad apart, is where the arm is.
+    field, T = field_of(arm.p), arm.settings.T_wrist_mrf
+    for q in there[:: n // 4]:
+        aim, least = arm.mechanism.kinematics(q, T).T_world_mrf, (np.inf, q)
+        for sign in (1.0, -1.0):
+            at, way = q, np.zeros(7)
+            for _ in range(100):
+                k = arm.mechanism.kinematics(at, T)
+                null = np.linalg.svd(k.J)[2][6]
+                way = null * (np.sign(null @ way) or sign)
+                back_to = np.linalg.pinv(k.J) @ pose_error(aim, k.T_world_mrf)
+                at = at + back_to + 2e-3 * way
+                least = min(least, (felt(arm, scene, at, field).total, at), key=lambda x: x[0])
+        assert np.abs(least[1] - q).max() < 0.015
+
+
+def test_a_search_keeps_the_bounds_of_the_joints_when_an_obstacle_jumps(start):
+    potential = STRENGTHS.model_copy(update={"search": 8})
+    arm, scene = arm_among("pa10", EVERY_KIND, potential, field=4.0)
+    run = start(arm, arm.posture("ready") + SWUNG)
+    before = run.pose
+    for _ in range(3):
+        run.go(0.4, scene=scene)
+        run.go(0.4)
+    run.go(2.0, scene=scene)
+    assert run.outputs[-1].desired.found.field.slope < 1e-3
+    assert np.linalg.norm(run.pose.p - before.p) < 2e-3
+    run.observe()
