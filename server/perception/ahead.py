@@ -86,6 +86,8 @@ class Headway:
 
 UNSEEN_BEHIND: Final = "unseen_behind"
 """Limit and event: the base goes back slowly, since nobody saw the ground there."""
+PAST_S: Final = 3.0
+"""A base that steered aside is past what it met when it has gone straight ahead for so long [s]."""
 FOLD_S: Final = 1.0
 """A posture is gone to for so long after the newest news; then the arm stands where it is [s]."""
 REFUSALS: Final = {
@@ -134,9 +136,10 @@ class Passage:
         self._contour, self._arm, self._events = contour, arm, events
         self._joints = cell.robot.joints
         self._silent_ticks = max(1, round(silent_s / cell.config.timing.period_s))
+        self._past_ticks = self._straight = round(PAST_S / cell.config.timing.period_s)
         self._fold_ticks = max(1, round(FOLD_S / cell.config.timing.period_s))
         self._headway = Headway(cell.config.timing.period_s)
-        self._unseen = self._told_unseen = self._steers = False
+        self._unseen = self._told_unseen = False
         self.newest: PassageNews | None = None
         self.silent = True
         """No news is fresh."""
@@ -243,12 +246,16 @@ class Passage:
         """
         steers = speed > 0.0 and turn == 0.0 and not self.silent and self.newest is not None
         curvature = self.newest.curvature if steers and self.newest is not None else 0.0
-        if bool(curvature) is not self._steers:
-            self._steers = bool(curvature)
-            name = "steers_aside" if curvature else "steered_aside"
-            detail = f"on an arc of {1.0 / abs(curvature):.2g} m" if curvature else ""
-            self._events.info(name, detail)
-        return curvature * speed if curvature else turn
+        if curvature:
+            if self._straight >= self._past_ticks:
+                self._events.info("steers_aside", f"on an arc of {1.0 / abs(curvature):.2g} m")
+            self._straight = 0
+            return curvature * speed
+        if self._straight < self._past_ticks:
+            self._straight = self._straight + 1 if steers else self._past_ticks
+            if self._straight == self._past_ticks:
+                self._events.info("steered_aside", "")
+        return turn
 
     @property
     def held(self) -> str:

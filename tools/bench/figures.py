@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,21 +32,13 @@ def cpu_s(pid: int) -> float:
 
 def machine(*packages: str) -> Figures:
     """Return what the figures depend on: cores, processor, kernel, versions of packages."""
+    named = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text(encoding="utf-8"))
     return {
         "cores": len(os.sched_getaffinity(0)),
-        "processor": _processor(),
+        "processor": named[1] if named else platform.machine(),
         "load_1min": round(os.getloadavg()[0], 2),
         "kernel": platform.release(),
         "python": platform.python_version(),
         "openblas_num_threads": os.environ.get("OPENBLAS_NUM_THREADS"),
         "packages": {name: found or "missing" for name, found in versions(*packages).items()},
     }
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            lines = [line for line in file if line.startswith("model name")]
-    except OSError:
-        lines = []
-    return lines[0].partition(":")[2].strip() if lines else platform.machine()

@@ -428,8 +428,10 @@ CHANGE: Final = 0.25
 """What an arc counts for that is another than the last one [1]."""
 FOLLOWS_S: Final = 1.0
 """A base that is told to turn does so within about this time [s]."""
+AT_ONCE: Final = 4
+"""Arcs that are looked at in one contour, beside those driven on and wanted [1]."""
 LOOKS_AGAIN_S: Final = 0.5
-"""Where no arc was free, all are looked at again after so long [s]: it takes as long as a scan."""
+"""Where no arc was free, all are looked at again after so long [s]."""
 OWN_TURN: Final = 0.03
 """Where it was told to turn by so much, and did not, somebody else turns it [rad]."""
 
@@ -450,6 +452,7 @@ class Steering:
         self._owed = self._told = self._did = 0.0
         """What is to be turned back, what was told lately, and what was turned [rad]."""
         self._before: tuple[float, Pose] | None = None
+        self._left: list[float] = []  # arcs that are still to be looked at, the best one first
         self._again_s = -math.inf
 
     def step(self, time_s: float, base: Pose, blocked: Callable[[float], bool]) -> float:
@@ -465,22 +468,27 @@ class Steering:
         if abs(self._owed) > LEAST_TURN:
             wanted = min(max(self._owed / TURNED_BACK, -self._most), self._most)
         if not blocked(wanted):
-            self.curvature = wanted
+            self.curvature, self._left = wanted, []
             return wanted
         if time_s < self._again_s:
             return self.curvature
         if self.curvature != 0.0 and not blocked(self.curvature):
+            self._left = []
             change = min(max(wanted - self.curvature, -self._step), self._step)
             if not blocked(self.curvature + change):
                 self.curvature += change
             return self.curvature
-        cost = np.abs(self._arcs - wanted) + CHANGE * np.abs(self._arcs - self.curvature)
-        for k in np.argsort(cost, kind="stable").tolist():
-            if not blocked(float(self._arcs[k])):
-                self.curvature = float(self._arcs[k])
-                return self.curvature
-        self.curvature, self._again_s = 0.0, time_s + LOOKS_AGAIN_S
-        return 0.0
+        if not self._left:
+            cost = np.abs(self._arcs - wanted) + CHANGE * np.abs(self._arcs - self.curvature)
+            self._left = self._arcs[np.argsort(cost, kind="stable")].tolist()
+        looked, self._left = self._left[:AT_ONCE], self._left[AT_ONCE:]
+        for arc in looked:
+            if not blocked(arc):
+                self.curvature, self._left = arc, []
+                return arc
+        if not self._left:
+            self.curvature, self._again_s = 0.0, time_s + LOOKS_AGAIN_S
+        return self.curvature
 
     def _count(self, time_s: float, base: Pose) -> None:
         """Count what this has turned the base by; forget it where somebody else turns it."""

@@ -55,6 +55,15 @@ def test_a_base_that_is_driven_straight_ahead_steers_and_who_turns_it_is_obeyed(
     assert ahead.passage.turn(0.2, 0.0) == 0.0
 
 
+def test_one_way_around_is_told_once_however_often_it_goes_straight_for_a_moment() -> None:
+    ahead = Ahead(steer=0.8)
+    for tick in range(0, 600, 5):
+        ahead.tell(tick, curvature=-0.5 if tick in (50, 60, 100, 180) else 0.0)
+        for _ in range(5):
+            ahead.passage.turn(0.2, 0.0)
+    assert ahead.told == ["scanner_heard", "steers_aside", "steered_aside"]
+
+
 @pytest.mark.parametrize(("steer", "curvature"), [(0.0, 0.01), (0.8, -0.81), (0.8, 2.0)])
 def test_an_arc_that_is_closer_than_the_cell_says_is_refused(
     steer: float, curvature: float

@@ -43,6 +43,7 @@ def test_the_base_steers_around_a_pillar_and_is_on_its_heading_again(
     assert (s["failure"], s["limit_violations"], s["mode"]) == (None, 0, "enabled")
     assert s["min_clearance_m"] > 0.05
     assert s["contact_peak_n"] == 0.0
+    assert names(run).count("steers_aside") <= 2  # aside, and back
     assert "steers_aside" in names(run)
     assert "passage_refused" not in names(run)
 

@@ -11,6 +11,7 @@ from telerobot.server.control.spatial import Array, Pose
 from telerobot.server.perception.scanning.contour import Contour, Obstacles, clearance
 from telerobot.server.perception.scanning.reflex import (
     ARCS,
+    AT_ONCE,
     PassagePhase,
     PassageReflex,
     Search,
@@ -387,12 +388,32 @@ def test_where_no_arc_is_free_it_goes_straight_on_so_that_the_reflex_stops_it() 
         return True
 
     at, steering = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), Steering(0.8)
-    assert steering.step(0.0, at, blocked) == 0.0
-    assert len(tried) == 2 * ARCS + 2
-    tried.clear()
-    assert steering.step(0.4, at, blocked) == 0.0
-    assert len(tried) == 1  # a look at all of them costs much
-    assert steering.step(0.5, at, lambda curvature: abs(curvature) < 0.45) == -0.5
-    tried.clear()
+    looks = []
+    for k in range(10):
+        assert steering.step(0.02 * k, at, blocked) == 0.0
+        looks.append(len(tried))
+        tried.clear()
+    # A look costs much: never many in one contour, and none while nothing can have changed.
+    assert max(looks) == 1 + AT_ONCE
+    assert sum(looks) == 10 + 2 * ARCS + 1
+    assert looks[-1] == 1
+
+
+def test_a_search_of_arcs_goes_on_where_it_was_in_the_next_contour() -> None:
+    at, steering = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), Steering(0.8)
+    told = [steering.step(0.02 * k, at, lambda c: abs(c) < 0.65) for k in range(9)]
+    first = next(k for k, c in enumerate(told) if c)
+    assert told[:first] == [0.0] * first
+    assert first > 1
+    assert abs(told[first]) == pytest.approx(0.7)
+
+
+def test_one_that_may_not_steer_looks_at_nothing() -> None:
+    at, tried = Pose.from_xyz_rpy((0.0,) * 3, (0.0,) * 3), []
+
+    def blocked(curvature: float) -> bool:
+        tried.append(curvature)
+        return True
+
     assert Steering(0.0).step(0.0, at, blocked) == 0.0
     assert tried == []
