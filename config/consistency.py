@@ -474,20 +474,32 @@ def _news(config: CellConfig) -> Iterator[str]:
 
 
 def _rails(mechanism: MechanismSection, robot: Robot) -> Iterator[str]:
-    """Rails of a gantry come first in the chain, and slide."""
-    if mechanism.gantry is None:
-        return
-    asked = mechanism.gantry.joints
+    """Rails of a gantry, or a backbone's feed, come first in the chain, and slide."""
+    key, asked = mechanism.rails
     chain = robot.joints[: len(asked)]
     first = tuple(joint.name for joint in chain)
     if asked != first:
-        yield (
-            f"mechanism.gantry.joints: value {', '.join(asked)}: the chain begins with "
-            f"{', '.join(first)}"
-        )
+        yield f"{key}: value {', '.join(asked)}: the chain begins with {', '.join(first)}"
     for joint in chain:
         if joint.name in asked and joint.kind != "prismatic":
-            yield (f"mechanism.gantry.joints: {joint.name} is {joint.kind}, prismatic is expected")
+            yield f"{key}: {joint.name} is {joint.kind}, prismatic is expected"
+
+
+def _feed(mechanism: MechanismSection, robot: Robot) -> Iterator[str]:
+    """A backbone's feed stays within its joint's range."""
+    feed = None if mechanism.backbone is None else mechanism.backbone.feed
+    if feed is None:
+        return
+    names = [joint.name for joint in robot.joints]
+    if feed.joint not in names:
+        return
+    low, high = (x[names.index(feed.joint)] for x in joint_bounds(robot.joints, mechanism.drives))
+    for key, value in (("back", feed.back), ("front", feed.front)):
+        if not low <= value <= high:
+            yield (
+                f"mechanism.backbone.feed.{key}: value {value:g}: must be within {low:g} to "
+                f"{high:g}, the range of {feed.joint}"
+            )
 
 
 # --- Needs of the sources in the cell's other sections --------------------------------------------
@@ -550,6 +562,7 @@ def _disagreements(config: CellConfig, robot: Robot) -> Iterator[str]:
     yield from priority_disagreements(config, robot)
     yield from rover_disagreements(config, robot)
     yield from _rails(config.mechanism, robot)
+    yield from _feed(config.mechanism, robot)
     if config.rig is not None:
         n = len(robot.joints)
         given = ("stiffness", "damping", "integral", "armature", "friction", "brake_torque")

@@ -38,6 +38,17 @@ class SegmentSection(Section):
     )
 
 
+class FeedSection(Section):
+    """A rail that advances the arm's foot along the entrance's x as the arm is inserted.
+
+    In proportion to the free length, which is greatest with the foot back.
+    """
+
+    joint: UrdfName = Field(description="prismatic joint of the URDF, the first of the chain")
+    back: float = Field(ge=-50, le=50, description="where it is at the greatest free length [m]")
+    front: float = Field(ge=-50, le=50, description="where it is at the least free length [m]")
+
+
 class BackboneSection(Section):
     """The arm is a curve through tunnels; its joints follow (Chirikjian & Burdick 1990)."""
 
@@ -64,6 +75,9 @@ class BackboneSection(Section):
     )
     entrance: PoseSection = Field(
         description="of the tunnel in World: x points into it, straight ahead of the first joint"
+    )
+    feed: FeedSection | None = Field(
+        None, description="rail that carries the arm's foot; absent: it stands"
     )
     start: float = Field(gt=0, le=50, description="free length s1 of the posture 'start' [m]")
     least: float = Field(
@@ -726,6 +740,14 @@ class MechanismSection(Section):
     def driven(self) -> "DrivenSection | None":
         """What an operator drives as a whole, beside the tool; None for nothing."""
         return self.base or self.gantry
+
+    @property
+    def rails(self) -> tuple[str, tuple[str, ...]]:
+        """Joints that slide ahead of the arm's own, and the key that names them."""
+        if self.gantry is not None:
+            return "mechanism.gantry.joints", self.gantry.joints
+        feed = None if self.backbone is None else self.backbone.feed
+        return "mechanism.backbone.feed.joint", () if feed is None else (feed.joint,)
 
     @property
     def beside_chain(self) -> tuple[str, ...]:

@@ -23,6 +23,9 @@ MAZE = Curve(
     Arcs.from_entrance(ENTRANCE, [Turn(L, np.pi), Turn(L, -np.pi), Turn(L, np.pi)]),
 )
 
+FED = MAZE._replace(fed=0.3, longest=1.0)
+"""The same with a base that advances, from where it was with all of the arm outside."""
+
 SPACE = Curve(
     Bow(Chord(np.zeros(3), np.stack(((X + Z) / np.sqrt(2), Y)), H)),
     Arcs.from_entrance(
@@ -44,6 +47,21 @@ def chain(axes: Sequence[Array], lengths: Sequence[float]) -> Chain:
     tree = Tree(np.arange(-1, n - 1), np.zeros(n, dtype=bool), parts, np.array(axes, dtype=float))
     tip, counts = np.array([0.0, lengths[-1], 0.0]), np.ones(n, dtype=bool)
     return Chain(Links(tree[:], np.eye(3)[None], np.zeros((1, 3)), tip, counts), n)
+
+
+def fed(n: int) -> Chain:
+    """Return n joints: a feed along y, and behind it the planar arm."""
+    arm = planar(n - 1).links
+    parent, _, parts, axis = arm.tree
+    rail = np.zeros((1, 3, 3, 4))
+    rail[0, 0, :, :3], rail[0, 1, :, 3] = np.eye(3), Y
+    tree = Tree(
+        np.append(-1, parent + 1),
+        np.arange(n) == 0,
+        np.concatenate((rail, parts)),
+        np.concatenate((Y[None], axis)),
+    )
+    return Chain(arm._replace(tree=tree[:], counts=np.ones(n, dtype=bool)), n)
 
 
 def planar(n: int) -> Chain:

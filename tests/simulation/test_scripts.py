@@ -34,8 +34,8 @@ ELSEWHERE |= {
 }
 """`test_pa10_two.py`, `test_pa10_pair.py`, `test_view_together.py`; the stiff one must not be."""
 ELSEWHERE |= {"shifted", "maze", "maze_space", "tail", "tail_space", "two_tunnels"}
-ELSEWHERE |= {"touch_inside", "figure_5"}
-"""`test_tunnel.py`, `test_tunnel_faults.py`, `test_tail.py` and its sister, whole or in part."""
+ELSEWHERE |= {"touch_inside", "figure_5", "fed"}
+"""`test_tunnel.py`, `test_tunnel_faults.py`, `test_fed.py`, `test_tail.py` and its sister."""
 ELSEWHERE |= {"told_tunnel", "told_gap"}  # `test_told_tunnel.py`
 ELSEWHERE |= {"between_boxes"}  # `test_found_tunnel.py`
 ELSEWHERE |= {"figure_4"}  # `test_planar3.py`

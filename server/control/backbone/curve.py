@@ -1,7 +1,7 @@
 """A backbone curve: free from the base to the entrance, then along the tunnels."""
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from pydantic import ValidationError
@@ -44,6 +44,10 @@ class Chord(NamedTuple):
     h: float
     """Distance of the entrance from the base [m]: a straight exterior is so long."""
 
+    def advanced(self, by: float) -> "Chord":
+        """Return that of a base that is so much nearer to the entrance [m]."""
+        return self._replace(base=self.base + by * self.axes[1], h=self.h - by)
+
     def share_of(self, s1: float) -> float:
         """Return h in shares of a free length [m], below 1.
 
@@ -57,6 +61,10 @@ class Chord(NamedTuple):
         """Return points and rates (m, 3) in World of those aside and ahead (2, m, 2) [m]."""
         return self.base + found[0] @ self.axes, found[1] @ self.axes
 
+    def directions(self, angles: Array) -> Array:
+        """Return unit vectors (m, 3) in World at angles (m,) from ahead to aside [rad]."""
+        return np.column_stack((np.sin(angles), np.cos(angles))) @ self.axes
+
 
 class Exterior(Protocol):
     """A curve of free length s1 from the base, with its tangent, to the entrance, with its own."""
@@ -64,6 +72,14 @@ class Exterior(Protocol):
     @property
     def chord(self) -> Chord:
         """From where to where it goes."""
+        ...
+
+    def between(self, chord: Chord) -> Self:
+        """Return the same from another base."""
+        ...
+
+    def tangents(self, s1: float, stations: Array) -> Array:
+        """Return unit tangents (m, 3) at arc lengths (m,) up to s1 [m]."""
         ...
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
@@ -78,6 +94,15 @@ class Bow(NamedTuple):
     """The exterior of the paper's example: one period of a cosine of curvature."""
 
     chord: Chord
+
+    def between(self, chord: Chord) -> "Bow":
+        """Return the same from another base."""
+        return Bow(chord)
+
+    def tangents(self, s1: float, stations: Array) -> Array:
+        """Return unit tangents (m, 3) at arc lengths (m,) up to s1 [m]."""
+        mu = bow_parameter(self.chord.share_of(s1))
+        return self.chord.directions(mu * np.sin(2.0 * np.pi / s1 * stations))
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
         """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
@@ -200,11 +225,25 @@ class Sampled(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A curve of fixed length that slides through tunnels as its free length s1 shrinks."""
+    """A curve of fixed length that slides through tunnels as its free length s1 shrinks.
+
+    Its base may move (eq. 1): a feed advances it along the chord, in proportion to s1.
+    """
 
     exterior: Exterior
+    """Of a base that is fed, at the free length `longest`."""
     arcs: Arcs
     """The curve beyond the entrance: tunnels, and gaps between them."""
+    fed: float = 0.0
+    """The base advances by so much of what the free length shrinks by [1]."""
+    longest: float = 0.0
+    """Free length with the base farthest back [m]."""
+
+    def from_foot(self, foot: Array) -> "Curve":
+        """Return the same curve with its base at a place (3,) in World [m] where it stands."""
+        chord = self.exterior.chord
+        by = float((foot - chord.base) @ chord.axes[1])
+        return Curve(self.exterior.between(chord.advanced(by)), self.arcs)
 
     def at(self, s1: float, stations: Array) -> Sampled:
         """Return the curve of free length s1 [m] at increasing arc lengths (m,) from its base [m].
@@ -213,11 +252,22 @@ class Curve(NamedTuple):
         """
         free = int(stations.searchsorted(s1, side="right"))
         points, rates = np.empty((2, len(stations), 3))
-        points[:free], rates[:free] = self.exterior.at(s1, stations[:free])
+        points[:free], rates[:free] = self._free(s1, stations[:free])
         points[free:], tangents = self.arcs.at(stations[free:] - s1)
         # Chirikjian & Burdick, eq. 14: the interior's travelling wave slides along itself.
         np.negative(tangents, out=rates[free:])
         return Sampled(points, rates)
+
+    def _free(self, s1: float, stations: Array) -> tuple[Array, Array]:
+        if self.fed == 0.0:
+            return self.exterior.at(s1, stations)
+        chord = self.exterior.chord.advanced(self.fed * (self.longest - s1))
+        exterior = self.exterior.between(chord)
+        points, rates = exterior.at(s1, stations)
+        # From its base p(s, s1, h) grows in proportion: s ∂p/∂s + s1 ∂p/∂s1 + h ∂p/∂h = p.
+        along = stations[:, None] * exterior.tangents(s1, stations)
+        per_h = (points - chord.base - along - s1 * rates) / chord.h - chord.axes[1]
+        return points, rates + self.fed * per_h
 
 
 # --- The free part of a backbone as a sum of modes: other shapes than one cosine of curvature -----
@@ -241,6 +291,16 @@ class Modal(NamedTuple):
     chord: Chord
     modes: Array
     """Shares c_m of the modes (k,) [1]."""
+
+    def between(self, chord: Chord) -> "Modal":
+        """Return the same from another base."""
+        return Modal(chord, self.modes)
+
+    def tangents(self, s1: float, stations: Array) -> Array:
+        """Return unit tangents (m, 3) at arc lengths (m,) up to s1 [m]."""
+        mu = modal_parameter(self.modes, self.chord.share_of(s1))
+        waves = np.outer(2.0 * np.pi / s1 * stations, np.arange(1, len(self.modes) + 1))
+        return self.chord.directions(mu * (np.sin(waves) @ self.modes))
 
     def at(self, s1: float, stations: Array) -> tuple[Array, Array]:
         """Return points (m, 3) [m] at arc lengths (m,) up to s1 [m], and their ∂/∂s1 (m, 3).
@@ -330,7 +390,7 @@ def modal_at(modes: Array, mu: float, h: float, stations: Array) -> Array:
 # --- The curve of a cell: its exterior, and its tunnels one after the other, with the gaps between
 
 NEAREST = 0.01
-"""The entrance is at least so far from the first joint [m]."""
+"""The entrance is at least so far from the first joint that turns [m]."""
 FINE = 0.02
 """A tunnel that is near to itself is looked at in steps of so many half widths [1]."""
 STRAIGHT = 1e-3
@@ -344,14 +404,20 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Curve]
     """
     where = f"{cell.path}: mechanism.backbone"
     T = Pose.from_xyz_rpy(section.entrance.xyz, section.entrance.rpy)
-    ahead = T.p - chain.base
-    h = float(np.linalg.norm(ahead))
-    if h < NEAREST:
+    back, front = _feet(chain, section)
+    ahead, fed = T.p - back, front - back
+    h, advance = float(np.linalg.norm(ahead)), float(fed @ T.R[:, 0])
+    if np.linalg.norm(fed - advance * T.R[:, 0]) > STRAIGHT * h or advance < 0.0:
         raise ConfigError(
-            f"{where}.entrance: {h:.4f} m from the first joint: must be at least {NEAREST:g}"
+            f"{where}.feed: must take the arm ahead from back to front, along the entrance's x"
+        )
+    if h - advance < NEAREST:
+        raise ConfigError(
+            f"{where}.entrance: {h - advance:.4f} m from the first joint that turns: must be at "
+            f"least {NEAREST:g}"
         )
     straight = chain.points(np.zeros((1, chain.n)))[0]
-    out = straight[-1] - straight[0]
+    out = straight[-1] - straight[chain.foot]
     off = max(
         float(np.linalg.norm(ahead / h - T.R[:, 0])),
         float(np.linalg.norm(out / np.linalg.norm(out) - T.R[:, 0])),
@@ -361,10 +427,15 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Curve]
             f"{where}.entrance: must lie straight ahead of the first joint, along x: "
             f"{off:.4f} rad off"
         )
-    if section.least < 1.02 * h:
+    if section.least < 1.02 * (h - advance):
         raise ConfigError(
             f"{where}.least: value {section.least:g}: must be at least 1.02 times the way to "
-            f"the entrance, {h:.4f} m: joints' speeds have no bound there"
+            f"the entrance, {h - advance:.4f} m: joints' speeds have no bound there"
+        )
+    if chain.length < 1.02 * h:
+        raise ConfigError(
+            f"{where}.entrance: {h:.4f} m away with the feed back: the arm of {chain.length:.4f} "
+            "m must be 1.02 times as long"
         )
     if section.start > chain.length:
         raise ConfigError(
@@ -374,10 +445,18 @@ def curve_of(cell: Cell, section: BackboneSection, chain: Chain) -> Parts[Curve]
     _judge_passages(arcs, section, chain.length, where)
     bow = _bow_angle(section)
     aside = T.R @ np.array([0.0, np.cos(bow), np.sin(bow)])
-    chord = Chord(chain.base, np.stack((aside, T.R[:, 0])), h)
-    if section.exterior == "modal":
-        return Curve(Modal(chord, np.array(section.modes)), arcs)
-    return Curve(Bow(chord), arcs)
+    chord = Chord(back, np.stack((aside, T.R[:, 0])), h)
+    modal = section.exterior == "modal"
+    exterior = Modal(chord, np.array(section.modes)) if modal else Bow(chord)
+    return Curve(exterior, arcs, advance / (chain.length - section.least), chain.length)
+
+
+def _feet(chain: Chain, section: BackboneSection) -> tuple[Array, Array]:
+    """Return where the foot is at the greatest and the least free length (3,) in World [m]."""
+    feed = section.feed
+    if feed is None:
+        return chain.foot_at(0.0), chain.foot_at(0.0)
+    return chain.foot_at(feed.back), chain.foot_at(feed.front)
 
 
 def told_section(section: BackboneSection, tunnel: ToldTunnel) -> BackboneSection:

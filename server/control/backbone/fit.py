@@ -36,6 +36,8 @@ from ..spatial import Array, Pose
 #     at each point p:  S += HᵀH, g += Hᵀ r,  where H ξ = v + ω × p
 #     joint i adds s u, s = (a; o × a):   u = −(s·S ξ + s·g) / (s·S s)
 #
+# and s = (0; a) where it slides, as a feed does that carries the chain's foot.
+#
 # Backward S and g, forward ξ and u. The joints' rates along the curve's parameter are the same
 # pass with the curve's own rates as the residual.
 
@@ -48,7 +50,7 @@ LinkArrays = tuple[TreeArrays, Array, Array, Array, Flags]
 
 
 class Links(NamedTuple):
-    """A serial chain of n revolute joints, as arrays."""
+    """A serial chain of n joints, as arrays: they turn, but the first may slide."""
 
     tree: TreeArrays
     R: Array
@@ -131,7 +133,7 @@ def fitted_at(
     n = len(q)
     for i in range(n):
         found[i], slopes[i] = q[i], 0.0
-    counts = links[4]
+    prismatic, counts = links[0][1], links[4]
     frames, axes, points = np.empty((n, 3, 4)), np.empty((n, 3)), np.empty((n, 3))
     s, b = np.empty((n, 6)), np.empty(6)
     K, k = np.zeros((n, 6)), np.zeros((n, 2))
@@ -173,6 +175,9 @@ def fitted_at(
             ox, oy, oz = frames[i, 0, 3], frames[i, 1, 3], frames[i, 2, 3]
             s[i, 0], s[i, 1], s[i, 2] = ax, ay, az
             s[i, 3], s[i, 4], s[i, 5] = oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax
+            if prismatic[i]:
+                s[i, 0], s[i, 1], s[i, 2] = 0.0, 0.0, 0.0
+                s[i, 3], s[i, 4], s[i, 5] = ax, ay, az
             stiff = 0.0
             for u in range(6):
                 b[u] = 0.0
@@ -222,18 +227,23 @@ AHEAD = (1, 2, 3)
 
 
 class Chain:
-    """A serial chain of n joints; a point is each joint but the first, and the tip."""
+    """A serial chain of n joints; a point is each joint but the first, and the tip.
+
+    Its foot is the first joint that turns: the one before it, if any, is a feed.
+    """
 
     def __init__(self, links: Links, n: int) -> None:
         self.links, self.n = links, n
+        self.foot = int(links.tree[1][0])
+        """The first joint that turns: 1 behind a feed, else 0."""
         straight = self.points(np.zeros((1, n)))[0]
         lengths = np.linalg.norm(np.diff(straight, axis=0), axis=1)
-        self.links = links._replace(counts=lengths > 1e-9)
-        self.base = straight[0]
-        """Where the first joint is, in World (3,) [m]."""
+        counts = lengths > 1e-9
+        counts[: self.foot] = True  # where the foot is says where the feed is
+        self.links = links._replace(counts=counts)
         self._even, self._free = np.ones(n), np.ones(n, dtype=bool)
-        self.stations = np.cumsum(lengths)
-        """Arc length from the first joint to each point (n,) [m]."""
+        self.stations = np.cumsum(lengths) - lengths[: self.foot].sum()
+        """Arc length from the foot to each point (n,) [m]."""
 
     @classmethod
     def from_cell(cls, cell: Cell) -> Self:
@@ -241,9 +251,11 @@ class Chain:
         m, branch = cell.config.mechanism, Branch.of(cell)
         body, T = branch.body_of(m.tip_link)
         serial = np.array_equal(branch.tree.parent, np.arange(-1, branch.n - 1))
-        if body != branch.n or not serial or branch.tree.prismatic.any():
+        fed = m.backbone is not None and m.backbone.feed is not None
+        if body != branch.n or not serial or branch.tree.prismatic[int(fed) :].any():
             raise ConfigError(
-                f"{cell.path}: mechanism.backbone: a serial chain of revolute joints is needed"
+                f"{cell.path}: mechanism.backbone: a serial chain of revolute joints is needed, "
+                "behind the one of [mechanism.backbone.feed] if any"
             )
         base = Pose.from_xyz_rpy(m.T_world_base.xyz, m.T_world_base.rpy)
         counts = np.ones(branch.n, dtype=bool)
@@ -251,7 +263,7 @@ class Chain:
 
     @property
     def length(self) -> float:
-        """From the first joint to the tip [m]."""
+        """From the foot to the tip [m]."""
         return float(self.stations[-1])
 
     def points(self, q: Array) -> Array:
@@ -259,6 +271,10 @@ class Chain:
         found = np.empty((len(q), self.n + 1, 3))
         points_at(self.links[:], q, found)
         return found
+
+    def foot_at(self, feed: float) -> Array:
+        """Return where the foot is in World (3,) [m], with a feed that is so far out [m]."""
+        return np.asarray(self.points(np.full((1, self.n), feed))[0, self.foot])
 
     def fitted(
         self,
@@ -301,6 +317,9 @@ class Chain:
             if lever < 1e-6:
                 continue
             across = push / lever
+            if self.links.tree[1][i]:
+                q[i] = (curve[i] - placed[i + 1]) @ across
+                continue
             along = np.cross(across, np.cross(way, push)) / lever
             q[i] = np.arctan2(aim @ across, aim @ along / max(np.linalg.norm(along), 1e-12))
         return q

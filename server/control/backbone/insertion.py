@@ -64,6 +64,8 @@ ROUND_LOCKED = 3
 """Steps of the fit with locked joints, a tick [1]."""
 INSIDE = 25.0
 """Weight of points inside, over those outside, where joints are locked [1]."""
+NEAR_FOOT = 1.01
+"""Least free length with a feed that is locked, in ways to the entrance from there [1]."""
 SLOPE_BY = 0.002
 """Half the way over which such a fit's slope is taken [m]."""
 WINDOW = 1.5
@@ -101,13 +103,14 @@ class Backbone:
         self.exit = sum(piece.length for piece in section.tunnel if not piece.open)
         """Depth of the exit [m]."""
         self._upto = np.array([int(np.abs(curve.arcs.starts - self.exit).argmin())])
-        self._stations = np.concatenate(([0.0], chain.stations))
+        self._stations = np.concatenate((np.minimum(0.0, chain.stations[:1]), chain.stations))
         self._origins = self._stations[:-1]
         self._levers = (chain.length - self._origins) ** 2
+        self._levers[: chain.foot] = 1.0
         self._last = int(np.flatnonzero(chain.links.counts)[-1])
         # Scratch: the joints that were looked at last, and their points.
         self._placed: tuple[Array, Array] | None = None
-        self.most = min(chain.length, curve.exterior.chord.h + curve.arcs.length + chain.length)
+        self.most = chain.length
         count = max(2, round((self.most - section.least) / GRID))
         self.lengths = np.linspace(section.least, self.most, count + 1)
         """Free lengths (g,) at which fits were computed ahead [m]."""
@@ -212,10 +215,13 @@ class Backbone:
 
     def _bent(self, s1: float, near: Array, free: Flags) -> Array:
         """Return joints (n,) that follow the curve as well as those that are `free` can."""
-        stations = self.chain.stations
+        stations, curve, foot = self.chain.stations, self.curve, self.chain.foot
+        if not free[:foot].all():
+            curve = curve.from_foot(self._points(near)[foot])
+            s1 = max(s1, NEAR_FOOT * curve.exterior.chord.h)
         # Where walls are, the arm has least room to be off.
         weights = np.where(stations > s1, INSIDE, 1.0)
-        sampled = self.curve.at(s1, stations)
+        sampled = curve.at(s1, stations)
         return self.chain.fitted(near, *sampled, ROUND_LOCKED, weights, free).q
 
     def watched(self, before: Following | None, q: Array, measured: Array) -> Following:

@@ -85,6 +85,32 @@ def test_what_this_arm_cannot_reach_is_refused(changed, lines, words):
         list(tunnel(changed(lines)))
 
 
+@pytest.mark.parametrize(
+    ("feed", "words"),
+    [
+        (
+            '"j1", back = 0.0, front = 0.4',
+            r"backbone.feed.joint: value j1: the chain begins with feed",
+        ),
+        (
+            '"feed", back = 0.0, front = 0.5',
+            r"backbone.feed.front: value 0.5: must be within -0.04 to 0.44, the range of feed",
+        ),
+        (
+            '"feed", back = 0.4, front = 0.0',
+            r"backbone.feed: must take the arm ahead from back to front, along the entrance's x",
+        ),
+        (
+            '"feed", back = 0.0, front = 0.3',
+            r"backbone.least: value 0.37: must be at least 1.02 times the way .*, 0.4500 m",
+        ),
+    ],
+)
+def test_a_feed_that_is_none_is_refused(changed, feed, words):
+    with pytest.raises(ConfigError, match=words):
+        list(tunnel(changed(f"feed = {{ joint = {feed} }}", extends="snake_feed")))
+
+
 def wound(radius, pitch):
     """Return three pieces of a helix, a little more than a turn, and how far turns are apart."""
     rise = pitch / (2.0 * math.pi)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from laboratory.papers.maze import ENTRANCE, MAZE, S1, SPACE, X, Y
+from laboratory.papers.maze import ENTRANCE, FED, MAZE, S1, SPACE, X, Y
 from telerobot.server.control.backbone.curve import Modal, bessel, bow_parameter
 from telerobot.server.control.backbone.tunnels import Arcs, Turn, off_centre, passages_meet
 from telerobot.server.control.spatial import Pose
@@ -82,13 +82,29 @@ def test_modes_that_do_not_bow_out_so_far_are_refused():
         Modal(far, np.ones(6)).at(1.4, STATIONS)
 
 
-@pytest.mark.parametrize("curve", [MAZE, SPACE, OTHER])
+@pytest.mark.parametrize("curve", [MAZE, SPACE, OTHER, FED, OTHER._replace(fed=0.3, longest=1.0)])
 @pytest.mark.parametrize("s1", [0.97, 0.8, 0.6, 0.44, 0.41])
 def test_rates_are_the_derivative_of_the_curve(curve, s1):
     step = 1e-6
     stations = 0.0013 + 0.9974 * STATIONS  # off the jumps of curvature
     before, after = (curve.at(s1 + by, stations).points for by in (-step, step))
     assert curve.at(s1, stations).rates == pytest.approx((after - before) / (2 * step), abs=2e-7)
+
+
+@pytest.mark.parametrize("exterior", [MAZE.exterior, OTHER.exterior])
+@pytest.mark.parametrize("s1", [0.97, 0.8, 0.6, 0.3])
+def test_a_base_that_is_fed_advances_along_the_chord_and_the_tunnel_stays(exterior, s1):
+    curve = FED._replace(exterior=exterior)
+    dense = np.linspace(0.0, 1.0, 4001)
+    points = curve.at(s1, dense).points
+    base = np.array([0.0, 0.3 * (1.0 - s1), 0.0])
+    assert points[0] == pytest.approx(base, abs=1e-15)
+    ways = np.diff(points, axis=0)
+    assert np.linalg.norm(ways, axis=1) == pytest.approx(dense[1], rel=1e-5)
+    inside = dense[dense > s1] - s1
+    assert points[dense > s1] == pytest.approx(MAZE.arcs.at(inside)[0], abs=1e-15)
+    # One that stands there is where it is at that free length.
+    assert curve.from_foot(base).at(s1, dense).points == pytest.approx(points, abs=1e-15)
 
 
 def test_along_the_bow_s_parameter_rates_stay_finite_where_the_exterior_is_straight():
