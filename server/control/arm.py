@@ -29,7 +29,6 @@ from .bodies.gantry import GantryArm
 from .bodies.rates import (
     IN_WORLD,
     NO_LEVER,
-    ON_GROUND,
     ArmMeasurement,
     Carrier,
     DesiredRates,
@@ -355,10 +354,9 @@ class Arm:
         if task.held is not None:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
             held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
-        below = ON_GROUND if carrier is IN_WORLD else carrier.below(k.T_world_mrf.p)
         seen = ArmMeasurement(
             inputs, k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded,
-            lever, wrench, hand, held, placed, near, base, below,
+            lever, wrench, hand, held, placed, near, base, carrier.at(k.T_world_mrf.p),
         )  # fmt: skip
         context = context_of(task.off_path, wrist, seen, self.wrist)
         whole = self._whole(seen, objectives)
@@ -685,7 +683,7 @@ class Arm:
     ) -> BarrierInputs:
         """Return what the barriers have to know; `beside` tells whether clearances are kept."""
         path = self.body.path(seen.kinematics, seen.inputs.ground == "base")
-        if seen.below is not ON_GROUND and (asked.by_joint or seen.inputs.ground == "base"):
+        if len(seen.below.dq) and (asked.by_joint or seen.inputs.ground == "base"):
             path = seen.kinematics.J
         if asked.held is not None:
             path = asked.held.keep @ (seen.whole(slice(0))[0] if path is None else path)

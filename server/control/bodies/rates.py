@@ -59,22 +59,11 @@ class Insertion(NamedTuple):
         return None if self.following is None else self.following.locked
 
 
-class Below(NamedTuple):
-    """Joints that move an arm's Base: those of the torso that it stands on."""
-
-    joints: slice = slice(0, 0)
-    """Where they are among the cell's; none for an arm that stands in World."""
-    J: Array = np.zeros((6, 0))
-    """By which they move the arm's MRF (6, k)."""
-    twist: Array = NO_TWIST
-    """At which they are told to move it now (6,) [m/s, rad/s]."""
-
-
 class Carrier(NamedTuple):
-    """The torso that an arm stands on."""
+    """The torso that an arm stands on: joints that move its Base."""
 
     joints: slice
-    """Where its joints are among the cell's."""
+    """Where they are among the cell's; none for an arm that stands in World."""
     p: Array
     """A point (3,) that moves with what it carries, in World [m]."""
     J: Array
@@ -82,15 +71,20 @@ class Carrier(NamedTuple):
     dq: Array
     """At what rates its joints are told to move now (k,) [rad/s]."""
 
-    def below(self, p: Array) -> Below:
-        """Return how its joints move a point p (3,) that it carries."""
-        J = jacobian_at(self.J, p - self.p)
-        return Below(self.joints, J, J @ self.dq)
+    def at(self, p: Array) -> "Carrier":
+        """Return the same of another point p (3,) that it carries."""
+        if not len(self.dq):
+            return self
+        return self._replace(p=p, J=jacobian_at(self.J, p - self.p))
+
+    @property
+    def twist(self) -> Array:
+        """At which the joints are told to move the point now (6,) [m/s, rad/s]."""
+        return self.J @ self.dq if len(self.dq) else NO_TWIST
 
 
 IN_WORLD: Final = Carrier(slice(0, 0), NO_LEVER, np.zeros((6, 0)), np.zeros(0))
 """What an arm stands on that stands in World."""
-ON_GROUND: Final = Below()
 
 
 class ArmMeasurement(NamedTuple):
@@ -119,18 +113,18 @@ class ArmMeasurement(NamedTuple):
     """Obstacles near its control points; None in a cell without any."""
     T_world_base: Pose | None = None
     """Where a Base that moves is; None: Base stands."""
-    below: Below = ON_GROUND
-    """Joints that move Base, of what it stands on."""
+    below: Carrier = IN_WORLD
+    """What Base stands on, at the MRF."""
 
     def whole(self, part: slice) -> tuple[Array, slice | Index]:
         """Return the tool's Jacobian (6, m) in all joints that move it, and where those are.
 
         The arm's own are a `part` of the cell's.
         """
-        if self.below is ON_GROUND:
+        if not len(self.below.dq):
             return self.kinematics.J, part
-        J, joints = np.concatenate((self.below.J, self.kinematics.J), axis=1), self.below.joints
-        return J, np.r_[joints, part]
+        J = np.concatenate((self.below.J, self.kinematics.J), axis=1)
+        return J, np.r_[self.below.joints, part]
 
     @property
     def moving(self) -> bool:
