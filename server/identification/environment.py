@@ -194,25 +194,30 @@ def propose(cell: Cell, found: Environment, along: Along) -> Proposal:
     stiffness = felt_stiffness(found, cell.config.timing.period_s)
     hard = altered(cell, {"mechanism.force_torque.stiffest_environment": stiffness})
     bounds, own = LoopBounds(hard), np.array(cell.config.sources.force.gain)
+    late = max(0.0, found.delay_periods - found.model_periods)
 
-    def scaled(factor: float) -> Array:
-        factors = np.full(6, min(factor, 1.0))
+    def scaled(factor: float, others: float = 1.0) -> Array:
+        factors = np.full(6, min(factor, others))
         factors[along.axis] = factor
         return np.asarray(own * factors)
 
     scale = _greatest(lambda s: bounds.gain("force", scaled(s)).share <= SHARE, 1e-6, 1e3)
     axis = ForceLoop(hard).axes(scaled(scale))[along.axis]
-    late = 0.0 if axis is None else max(0.0, found.delay_periods - found.model_periods)
     told = 0.0 if axis is None else axis.delay_periods
-    scale *= bound(told + late) / bound(told)
-    gain = scaled(scale)
+    later = bound(told) / bound(told + late)
+    scale /= later
+    # What is later than the model says is so for every axis, not for the one along the press alone.
+    others = _greatest(
+        lambda s: bounds.gain("force", scaled(scale, min(s, 1.0))).share * later <= SHARE, 1e-6, 2.0
+    )
+    gain = scaled(scale, min(others, 1.0))
     damping, hand_share = _damping(cell, stiffness)
     return Proposal(
         stiffness=stiffness,
         gain=tuple(float(f"{g:.3g}") for g in gain),
         loop_gain=float(gain[along.axis]) * stiffness * cell.config.timing.period_s,
         bound=bound(told + late),
-        share=bounds.gain("force", gain).share * bound(told) / bound(told + late),
+        share=bounds.gain("force", gain).share * later,
         damping=damping,
         hand_share=hand_share,
     )

@@ -264,6 +264,15 @@ def test_a_delay_that_is_seen_beyond_the_models_lowers_the_gains(pa10):
     assert seen[1].bound < 0.6 * seen[0].bound
 
 
+@pytest.mark.parametrize("stiffness", [2e3, 20e3, 100e3])
+def test_a_delay_that_is_seen_beyond_the_models_keeps_the_margin_of_every_axis(pa10, stiffness):
+    found = Environment(stiffness, 1.0, stiffness, 0.0, 8.0, 3.84, (5.0, 15.0), 1e-3)
+    gains = propose(pa10, found, Along.of("z"))
+    assert 0.45 < gains.share < 0.51
+    # About an axis nothing was felt: there its own gain, or less.
+    assert gains.gain[5] <= 0.03
+
+
 def test_a_stiffness_that_no_following_bears_is_said(pa10):
     found = Environment(1e6, 1e3, 1e6, 0.0, 1.5, 3.84, (5.0, 15.0), 1e-5)
     gains = propose(pa10, found, Along.of("z"))
