@@ -327,6 +327,8 @@ def _torso(part: PartOf, torso: TorsoSection) -> Iterator[str]:
 def _unable(part: PartOf, what: str) -> Iterator[str]:
     """Yield what a mechanism may not have that shares joints with others."""
     mechanism = part.config.mechanism
+    if part.config.frames.base is not None:
+        yield f"{part.place}.frames.base: not supported for a mechanism that {what}"
     for key in ("base", "gantry", "backbone", "sweep"):
         if getattr(mechanism, key) is not None:
             yield f"{part.place}.{key}: not supported for a mechanism that {what}"

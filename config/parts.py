@@ -123,12 +123,12 @@ OF_ITS_RIG: Final = (
 OF_A_TASK: Final = ("T_world_crf", "cameras", "reflection", "schedules", "sources")
 """Sections that a task may have of its own."""
 
-OF_ITS_OWN: Final = tuple(key for key in (*OF_A_MECHANISM, "rig") if key not in OF_A_TASK)
+OF_ITS_OWN: Final = tuple(key for key in (*OF_A_MECHANISM, "frames", "rig") if key not in OF_A_TASK)
 """Sections that may stand in the table of one of several mechanisms."""
 
 ONE_ONLY: Final = {
     "cameras": "give each to the task that looks through it, as [[tasks.cameras]]",
-    "frames.base": "only the Base of a single one may move so far",
+    "frames.base": "give each whose Base moves its own, as [mechanisms.frames.base]",
 }
 """Keys that mean nothing where there are several mechanisms, and why."""
 
@@ -196,6 +196,11 @@ def parts_of(path: Path, document: Document, whole: Whole) -> list[MechanismKeys
         place = f"mechanisms[{i}]"
         own: Document = {key: entry[key] for key in OF_ITS_OWN if key in entry}
         _check_rig(path, place, own)
+        for key in ("carrier", "T_world_carrier"):
+            if len(names) > 1 and _has(own, ["frames", key]):
+                raise ConfigError(
+                    f"{path}: {place}.frames.{key}: the Carrier is the cell's: [frames]"
+                )
         arm = {key: value for key, value in entry.items() if key != "like" and key not in own}
         alike = _alike(whole, entry, path, i) if "like" in entry else {}
         task = tasks.get(name, _Task(name, "", {}))

@@ -10,6 +10,7 @@ from .messages import (
     Command,
     Count,
     Frame,
+    Identifier,
     Message,
     Metres,
     Place,
@@ -104,10 +105,13 @@ class FrameNews(Message):
     `tick` is the telemetry tick in which it was measured. `xyz` [m] and `rpy` [rad] are its pose in
     `seen_from`, `twist` [m/s, rad/s] its twist seen from there, at its origin, in that frame's
     axes, where it is measured; else it is found from the poses. `quality` is from 0 to 1. What is
-    faster, accelerates more or is further away than the cell says is not believed.
+    faster, accelerates more or is further away than the cell says is not believed. Of several
+    mechanisms the Base is that of `mechanism`, as `name` and in `seen_from`.
     """
 
     name: Literal["base", "carrier"]
+    mechanism: Identifier | None = None
+    """Whose Base is meant; none: the first's of those whose Base may move."""
     tick: Count
     xyz: Place
     rpy: Attitude

@@ -453,8 +453,7 @@ class Dispatcher:
                 elif isinstance(news, ContourNews):
                     self._units.ahead().look_ahead(news, tick)
                 elif isinstance(news, FrameNews):
-                    for frames in self._units.tracking(news.name):
-                        frames.take(news, tick)
+                    self._units.take_frame(news, tick)
         except Refused as refused:
             unread = isinstance(refused.reason, Reason) or refused.reason is Why.HANDLER_RAISED
             if unread and queued.topic.message is ObstacleNews:

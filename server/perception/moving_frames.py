@@ -126,8 +126,11 @@ class FrameTracker:
         track = None if tracked is None else tracked.track
         return None if tracked is None or track is None or tracked.disputed else tick - track.tick
 
-    def take(self, news: FrameNews, tick: int) -> None:
-        """Take in where a frame was. Raises `Refused` for one that does not move in this cell."""
+    def take(self, news: FrameNews, tick: int, seen_by: "FrameTracker | None" = None) -> None:
+        """Take in where a frame was. Raises `Refused` for one that does not move in this cell.
+
+        What is seen from Base is so from that which `seen_by` tracks; None: this one does.
+        """
         tracked = self._tracked.get(news.name)
         if news.name == "base" and news.heading and self.base is not None and tick >= news.tick:
             self.base.take_heading(news.tick, news.rpy[2])
@@ -140,7 +143,7 @@ class FrameTracker:
             raise Refused(Why.UNKNOWN_FRAME, detail)
         if news.tick > tick:
             raise Refused(Why.FUTURE_PICTURE, f"tick {news.tick}, this is tick {tick}")
-        believed = self._judge(tracked, news, tick)
+        believed = self._judge(tracked, news, tick, seen_by or self)
         if isinstance(believed, RejectedNews):
             if tracked.doubt is None or believed.doubt is not tracked.doubt.doubt:
                 self._tell("frame_rejected", news.name, believed)
@@ -240,19 +243,22 @@ class FrameTracker:
         timeout = round(config.timeout_s / period)
         return _Tracked(plausible, timeout, follower, follower.standing(home))
 
-    def _judge(self, tracked: _Tracked, news: FrameNews, tick: int) -> Track | RejectedNews:
+    @staticmethod
+    def _judge(
+        tracked: _Tracked, news: FrameNews, tick: int, seen_by: "FrameTracker"
+    ) -> Track | RejectedNews:
         if tick - news.tick > tracked.timeout:
             return RejectedNews(NewsRejection.LATE, tick - news.tick, tracked.timeout, "ticks")
         T = Pose.from_xyz_rpy(news.xyz, news.rpy)
         twist = None if news.twist is None else np.array(news.twist)
         if news.seen_from == "base":
-            base = self._base_at(news.tick, tick)
+            base = seen_by.base_at(news.tick, tick)
             T = base.T @ T
             if twist is not None:
                 twist = rotate_twist(base.T.R, twist) + base.twist_at(T.p)
         return update_track(tracked.track, news.tick, T, twist, news.quality, tracked.plausible)
 
-    def _base_at(self, then: int, tick: int) -> Body:
+    def base_at(self, then: int, tick: int) -> Body:
         """Return Base as it was at a tick, a little while before `tick`."""
         tracked = self._tracked.get("base")
         if self.base is not None:

@@ -18,7 +18,7 @@ from ...protocols.messages.messages import (
     ReflectionRequest,
     TaskCommand,
 )
-from ...protocols.messages.perception import FrameRequest, StoreView
+from ...protocols.messages.perception import FrameNews, FrameRequest, StoreView
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.axes import holding
@@ -35,7 +35,6 @@ from ..events import Events
 from ..mode import Mode
 from ..perception.cameras import EVERY, Law, VisionTracker
 from ..perception.contact import JamMonitor
-from ..perception.moving_frames import FrameTracker
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..perception.wrench import NAME as SENSOR
@@ -502,10 +501,17 @@ class Units:
         known = ", ".join(c.name for unit in self.each for c in unit.cell.config.cameras) or "none"
         raise Refused(Why.UNKNOWN_CAMERA, f"{camera!r} is none of {known}")
 
-    def tracking(self, frame: str) -> list[FrameTracker]:
-        """Return what tracks Base or Carrier: of the arms for which it may move, else the first."""
+    def take_frame(self, news: FrameNews, tick: int) -> None:
+        """Take in where a mechanism's Base was, or the Carrier of all. Raises `Refused`."""
         each = [unit.perception.moving_frames for unit in self.each]
-        return [tracker for tracker in each if frame in tracker.names] or each[:1]
+        for_it = [tracker for tracker in each if news.name in tracker.names] or each[:1]
+        if news.mechanism is not None:
+            named = self._named(news.mechanism, Why.UNKNOWN_MECHANISM, "mechanism")
+            base = named.perception.moving_frames
+        else:
+            base = next((tracker for tracker in each if "base" in tracker.names), each[0])
+        for tracker in [base] if news.name == "base" else for_it:
+            tracker.take(news, tick, base)
 
     def ahead(self) -> Perception:
         """Return what looks at the contour ahead. Raises `Refused` in a cell without one."""

@@ -136,6 +136,14 @@ def test_a_task_is_called_as_its_mechanism_unless_its_table_names_it(cell):
     assert load_cell("pa10").task == "arm"
 
 
+def test_a_mechanism_has_a_base_of_its_own_that_may_move_and_a_crf_on_it(cell):
+    frames = "[mechanisms.frames]\ncrf_on = 'base'\n[mechanisms.frames.base]\n[frames.carrier]\n"
+    a, b = cell(PAIR + frames).parts
+    assert (a.config.frames.base, a.config.frames.crf_on) == (None, "world")
+    assert (b.config.frames.base is not None, b.config.frames.crf_on) == (True, "base")
+    assert a.config.frames.carrier == b.config.frames.carrier is not None
+
+
 def test_a_mechanism_has_hardware_and_null_space_of_its_own(cell):
     text = (
         PAIR
@@ -159,7 +167,11 @@ payload_mass = 0.5
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (PAIR + "[frames.base]\n", "frames.base: there are several mechanisms: only the Base"),
+        (PAIR + "[frames.base]\n", "frames.base: there are several mechanisms: give each whose"),
+        (PAIR + "[mechanisms.frames.carrier]\n",
+         "mechanisms[1].frames.carrier: the Carrier is the cell's: [frames]"),
+        (PAIR + "[mechanisms.frames.base]\nspeed = 0\n",
+         "mechanisms[1].frames.base.speed: value 0"),
         (PAIR + CAMERA.replace("tasks.", ""), "cameras: there are several mechanisms: give each"),
         (
             PAIR + LEFT + CAMERA + RIGHT + CAMERA,

@@ -124,8 +124,9 @@ class _Mount(NamedTuple):
 
 
 def stands(part: Cell) -> bool:
-    """Return whether the Base of a cell's mechanism stands where the cell has it."""
-    return part.config.mechanism.base is None and part.config.frames.base is None
+    """Return whether the Base of a mechanism stands; physics moves that of a cell's first only."""
+    there = part.config.mechanism.base is None and part.config.frames.base is None
+    return there or part.place not in ("mechanism", "mechanisms[0]")
 
 
 class ToolJudge:
