@@ -345,10 +345,10 @@ def _unable(part: PartOf, what: str) -> Iterator[str]:
 
 
 def _rovers(parts: Parts) -> Iterator[str]:
-    """One base drives beside arms that stand; a scanner looks ahead of an only mechanism."""
+    """One base drives beside arms that stand; a scanner looks ahead of the first mechanism."""
     if len(parts) == 1:
         return
-    shared = parts[0].config
+    looks = parts[0].config.scanner is not None
     for i, part in enumerate(parts):
         base = part.config.mechanism.base
         if base is not None and i > 0:
@@ -363,9 +363,14 @@ def _rovers(parts: Parts) -> Iterator[str]:
                 "virtual hardware has them for the only mechanism of a cell, which has "
                 f"{len(parts)}"
             )
-    for key in ("scanner", "contour"):
-        if getattr(shared, key) is not None:
-            yield f"{key}: looks ahead of one mechanism: the cell has {len(parts)}"
+        for key in ("scanner", "contour"):
+            if i > 0 and getattr(part.config, key) is not None:
+                yield f"{part.place}.{key}: looks ahead of the first mechanism of a cell only"
+        if i > 0 and looks and part.config.frames.base is not None:
+            yield (
+                f"{part.place}.frames.base: a scanner knows the rays on this mechanism by where "
+                "the cell has its Base: one that moves is not supported beside it"
+            )
 
 
 def _cameras(parts: Parts) -> Iterator[str]:

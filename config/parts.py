@@ -110,8 +110,8 @@ MOST: Final = 8
 NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 OF_A_MECHANISM: Final = (
-    "T_world_crf", "potential", "priority", "redundancy", "reflection", "resolve", "schedules",
-    "sources", "torque", "touch",
+    "T_world_crf", "contour", "potential", "priority", "redundancy", "reflection", "resolve",
+    "scanner", "schedules", "sources", "torque", "touch",
 )  # fmt: skip
 """Sections that come along with the mechanism of another cell."""
 
@@ -128,6 +128,8 @@ OF_ITS_OWN: Final = tuple(key for key in (*OF_A_MECHANISM, "frames", "rig") if k
 
 ONE_ONLY: Final = {
     "cameras": "give each to the task that looks through it, as [[tasks.cameras]]",
+    "contour": "give it to the one that looks ahead, as [mechanisms.contour]",
+    "scanner": "give it to the one that carries it, as [mechanisms.scanner]",
     "frames.base": "give each whose Base moves its own, as [mechanisms.frames.base]",
 }
 """Keys that mean nothing where there are several mechanisms, and why."""

@@ -117,7 +117,7 @@ def contours(cell: Cell, heard: list[Heard]) -> list[float]:
         start_s = time.perf_counter()
         if isinstance(what, State):
             clocks.hear_daemon(now_s, what.time_s)
-            found = list(scanning.hear(instant_of(what)))
+            found = list(scanning.hear(instant_of(what, scanning.geometry.home)))
             for looked in found:
                 for news in looked.messages:
                     encode(news)

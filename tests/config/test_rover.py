@@ -52,10 +52,21 @@ def test_a_rover_beside_an_arm_is_a_cell(cell):
     ]
 
 
-def test_a_scanner_of_several_mechanisms_is_refused(cell):
-    scanner = '\n[scanner]\nlink = "flange"'
-    with pytest.raises(ConfigError, match="scanner: looks ahead of one mechanism: the cell has 2"):
-        cell(two("pa10", "ur5e") + scanner)
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('[scanner]\nlink = "head"', "scanner: there are several mechanisms: give it to the one"),
+        ('[mechanisms.scanner]\nlink = "flange"',
+         r"mechanisms\[1\].scanner: looks ahead of the first mechanism of a cell only"),
+        ("[mechanisms.frames.base]",
+         r"mechanisms\[1\].frames.base: a scanner knows the rays on this mechanism by where"),
+    ],
+)  # fmt: skip
+def test_a_scanner_looks_ahead_of_the_first_of_several_mechanisms(cell, more, words):
+    first, second = cell(two("rover_bridge", "pa10")).parts
+    assert (first.config.scanner.link, second.config.scanner) == ("head", None)
+    with pytest.raises(ConfigError, match=words):
+        cell(two("rover_bridge", "pa10") + "\n" + more)
 
 
 def test_a_contour_without_a_scanner_is_refused(cell):

@@ -31,7 +31,8 @@ class Rangefinder:
         self._model, self._data = model, data
         self.scanner: ScannerSection = scanner
         self._rig: RigScannerSection = rig.scanner
-        self._body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, scanner.link)
+        link = cell.prefix + scanner.link
+        self._body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, link)
         if self._body < 0:
             raise ValueError(f"scanner.link: value '{scanner.link}': no such body")
         self._p = np.array(scanner.T_link_scanner.xyz)

@@ -201,17 +201,17 @@ class MeasuredInstant(NamedTuple):
     time_s: float
     """The daemon's time [s]."""
     q: Array
-    """Joints of the mechanism (n,) [rad]."""
+    """Joints of the cell (n,) [rad], those of the mechanism with the scanner first."""
     T_world_base: Pose
     """Base by the odometry."""
 
 
-def instant_of(state: State) -> MeasuredInstant:
-    """Return what a tick's telemetry tells; Base stands in World where it does not move."""
-    x, y, z, *rpy = state.frames.get("base", (0.0,) * 6)
-    return MeasuredInstant(
-        state.tick, state.time_s, np.array(state.q), Pose.from_xyz_rpy((x, y, z), tuple(rpy))
-    )
+def instant_of(state: State, home: Pose) -> MeasuredInstant:
+    """Return what a tick's telemetry tells; Base stands at `home` where it does not move."""
+    told, T = state.frames.get("base"), home
+    if told is not None:
+        T = Pose.from_xyz_rpy(told[:3], told[3:])
+    return MeasuredInstant(state.tick, state.time_s, np.array(state.q), T)
 
 
 class Ring:
@@ -252,7 +252,7 @@ class Ring:
 
 
 class ScannerGeometry:
-    """Scanner and capsules of a cell's mechanism."""
+    """The scanner of a cell's first mechanism, and the capsules of all: none is an obstacle."""
 
     def __init__(self, cell: Cell) -> None:
         """Read them. Raises `ConfigError` for a cell without a scanner, or an unknown link."""
@@ -262,7 +262,7 @@ class ScannerGeometry:
         self._capsules = Capsules(cell)
         self._forest = self._capsules.forest
         try:
-            self._body, T = self._forest.body_of(scanner.link)
+            self._body, T = self._forest.body_of(cell.prefix + scanner.link)
         except KeyError:
             raise ConfigError(
                 f"{cell.path}: scanner.link: value '{scanner.link}': no such link in "
@@ -274,11 +274,16 @@ class ScannerGeometry:
         self._others = self._capsules.body != self._body
         self.reach = self._capsules.radius[self._others] + scanner.self_margin
         """Radii of the capsules, grown by the margin (c,) [m]."""
+        roots = [self._forest.root(body) for body in self._capsules.body[self._others].tolist()]
+        self._beside = np.repeat(np.array(roots) != 0, 2)
+        """Which ends of capsules (2c,) are of other mechanisms: those stand in World."""
+        self.home, *self._bases = self._forest.bases
+        """Where the cell has Base in World."""
 
     def knots(self, instants: list[MeasuredInstant]) -> Knots:
         """Return poses and capsules at some instants."""
         q = np.array([instant.q for instant in instants])
-        placed = self._capsules.place(q, Pose.identity())
+        placed = self._capsules.place(q, [Pose.identity(), *self._bases])
         ends = placed.ends[:, self._others].reshape(len(q), -1, 3)
         R = np.broadcast_to(self._T_body_scanner.R, (len(q), 3, 3))
         p = np.broadcast_to(self._T_body_scanner.p, (len(q), 3))
@@ -290,11 +295,13 @@ class ScannerGeometry:
             )
         R_base = np.array([instant.T_world_base.R for instant in instants])
         p_base = np.array([instant.T_world_base.p for instant in instants])
+        there = np.einsum("kij,kcj->kci", R_base, ends) + p_base[:, None]
+        there[:, self._beside] = ends[:, self._beside]
         return Knots(
             np.array([instant.time_s for instant in instants]),
             R_base @ R,
             np.einsum("kij,kj->ki", R_base, p) + p_base,
-            np.einsum("kij,kcj->kci", R_base, ends) + p_base[:, None],
+            there,
         )
 
 

@@ -148,7 +148,7 @@ class Scanning:
     def listen(self, state: State, arrived_s: float) -> Iterator[Looked]:
         """Take in telemetry that arrived at a time of who listens [s], and look as `hear`."""
         self._clocks.hear_daemon(arrived_s, state.time_s)
-        yield from self.hear(instant_of(state))
+        yield from self.hear(instant_of(state, self.geometry.home))
 
     def receive(self, found: Scan | TelegramError, arrived_s: float) -> str:
         """Take in what the scanner sent, at a time of who listens [s].
