@@ -181,10 +181,8 @@ GRAVITY = 9.81  # [m/s²]
 
 def sensors(cell: Cell) -> Iterator[Finding]:
     """Tell for each sensor key what its news can move, and how fast at most."""
-    for part in cell.parts:
-        for name, frame in part.config.frames.moving.items():
-            if name == "base" or part.place == cell.place:
-                yield _frame(part, name, frame)
+    for name, frame in cell.config.frames.moving.items():
+        yield _frame(cell, name, frame)
     if cell.cameras:
         vision = cell.config.sources.vision
         until = "the source is on" if vision.view else "a view is stored and the source is on"
@@ -240,7 +238,7 @@ def _frame(cell: Cell, name: str, frame: MovingFrameSection) -> Finding:
     status = Severity.OK
     if frame.extent is None:
         status, text = Severity.WARN, f"{text}; without an 'extent', as far as the arm reaches"
-    return Finding(f"news of {cell.prefix}{name}", status, text, values)
+    return Finding(f"news of {name}", status, text, values)
 
 
 def _obstacles(cell: Cell) -> Finding:
