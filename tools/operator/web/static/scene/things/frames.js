@@ -45,7 +45,7 @@ export function createFrames(description, materials, labels, scale) {
   const arms = description.tasks.filter((task) => task.by.length === 1);
   const bases = roots.map((root, i) => named(name("Base", arms[i]?.name), 0.11 * scale, 1));
   const mrfs = description.tasks.map((task) => named(name("MRF", task.name), 0.1 * scale, 5));
-  const crf = named("CRF", 0.13 * scale, 2);
+  const crfs = description.tasks.map((task, i) => named(i ? `CRF ${task.name}` : "CRF", 0.13 * scale, 2));
   const carrier = description.moving.includes("carrier") ? named("Carrier", 0.13 * scale, 2) : null;
   const lenses = description.cameras.map((camera) => ({
     camera, ...named(`Lens ${camera.name}`, 0.06 * scale, 2), view: frustum(camera, materials, scale),
@@ -68,7 +68,12 @@ export function createFrames(description, materials, labels, scale) {
     pose(view) {
       roots.forEach((root, i) => bases[i].to(view.links[root]));
       mrfs.forEach((mrf, i) => mrf.to(view.tasks[i].held ? null : view.tasks[i].mrf));
-      crf.to(view.tasks[0].crf);
+      const shared = view.tasks[0].crf;
+      // Those of other tasks are drawn where they are elsewhere.
+      crfs.forEach((crf, i) => {
+        const { held, crf: own } = view.tasks[i];
+        crf.to(i && (held || String(own) === String(shared)) ? null : own ?? null);
+      });
       carrier?.to(view.carrier ?? fromRpy([0, 0, 0, 0, 0, 0]));
       for (const lens of lenses) {
         const T = lensAt(lens.camera, view.links);
