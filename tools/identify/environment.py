@@ -115,6 +115,7 @@ SETTLE_S = 30.0  # what is not steady by then will not be [s]
 TOUCHED = 6.0  # contact is a force of so many standard deviations of the noise, [1]
 LEAST_N = 1.0  # and of so much at least [N]
 OFFSET_N = 3.0  # the sensor may read so much in the air [N]
+TOGETHER = 5  # noise is taken off contact by the mean of so many states [1]
 BOUNCES = 3  # so often contact may be lost at the first touch [1]
 SET_OUT = 5e-4  # after so long a way the joints show which way they go [m]
 LEAST_WAY = 20  # so many states on the way through the air tell how late joints are [1]
@@ -152,6 +153,8 @@ class PressGuide(Leader):
     _lost: int = 0
     _in_contact: bool = False
     _recent: deque[Sample] = field(default_factory=lambda: deque(maxlen=2000))
+    _newest: deque[float] = field(default_factory=lambda: deque(maxlen=TOGETHER))
+    """Forces in contact, the newest ones [N]."""
 
     # --- from step to step -------------------------------------------------------------------
 
@@ -250,6 +253,7 @@ class PressGuide(Leader):
         self._in_contact = True
         self._exert(LOW * self.press.force)
         self._recent.clear()
+        self._newest.clear()
         self._recent.append(sample)
 
     def _touched(self) -> Generator[None, None, float]:
@@ -263,12 +267,15 @@ class PressGuide(Leader):
                 raise GaveUpError(f"the tool bounces: contact was lost {self._lost} times")
             if not self._in_contact and self._later(self._recent[0].time_s, SETTLE_S):
                 raise GaveUpError("contact lost")
-            if sample.force > 0.7 * low or self._later(since_s, SETTLE_S):
+            enough = len(self._recent) >= LEAST_WAY and np.mean(self._newest) > 0.7 * low
+            if enough or self._later(since_s, SETTLE_S):
                 break
             yield
         rough = _stiffness(list(self._recent))
         self.say(f"about {rough / 1e3:.2g} kN/m")
-        return min(1.0 / (rough * SETTLES_S), self._own_gain)
+        before = APPROACH_GAIN if self._before is None else self._before.gains["force"]
+        own = float(np.broadcast_to(before, 6)[self.press.along.axis])
+        return min(1.0 / (rough * SETTLES_S), own)
 
     def _pressed(self, gain: float) -> Course:
         """Press until the force is about right; then let the command stand until it is steady."""
@@ -339,6 +346,7 @@ class PressGuide(Leader):
         )
         force = axis.sign * float(felt[axis.axis])
         sample = Sample(state.time_s, state.tick, force, *at)
+        self._newest.append(force)
         if keep:
             self._recent.append(sample)
         hard, most = float(np.linalg.norm(felt)), bound * self.press.force
@@ -348,10 +356,12 @@ class PressGuide(Leader):
 
     def _watch_contact(self, sample: Sample) -> None:
         """Notice where contact is lost and found again; half the threshold is none."""
-        if self._in_contact and sample.force < 0.5 * self._threshold:
+        if self._in_contact and np.mean(self._newest) < 0.5 * self._threshold:
             self._in_contact, self._lost = False, self._lost + 1
-        elif sample.force > self._threshold:
+        elif not self._in_contact and sample.force > self._threshold:
             self._in_contact = True
+            self._newest.clear()
+            self._newest.append(sample.force)
 
     def _steady(self) -> Steady | None:
         """Return the means of the newest window where it is steady; None where it is not."""
@@ -367,12 +377,6 @@ class PressGuide(Leader):
         if abs(late.mean() - early.mean()) > allowed or noise > 0.5 * self._threshold:
             return None
         return Steady(*window[:, 2:].mean(axis=0))
-
-    @property
-    def _own_gain(self) -> float:
-        """K_F of the task along the press, as it was."""
-        gains = APPROACH_GAIN if self._before is None else self._before.gains["force"]
-        return float(np.broadcast_to(gains, 6)[self.press.along.axis])
 
     # --- speaking ----------------------------------------------------------------------------
 
@@ -403,11 +407,14 @@ class PressGuide(Leader):
 
 
 def _stiffness(samples: list[Sample]) -> float:
-    """Return the slope of force over measured depth, by both ends of what was sampled [N/m]."""
-    rows = np.array([(s.measured, s.force) for s in samples])
-    hard = rows[rows[:, 1] > 0.5 * rows[:, 1].max()]
-    depth, force = hard.mean(axis=0) - rows[0]
-    return float(force / max(depth, 1e-7))
+    """Return how stiff something is at most, by force over measured depth [N/m].
+
+    That is the slope of least squares, and twice its standard deviation: who knows little presses
+    the more gently.
+    """
+    depth, force = np.array([(s.measured, s.force) for s in samples]).T
+    (slope, _), spread = np.polyfit(depth - depth[0], force, 1, cov=True)
+    return max(float(slope), 0.0) + 2.0 * math.sqrt(spread[0, 0])
 
 
 def allowed(cell: Cell, press: Press) -> None:

@@ -35,6 +35,7 @@ class Arm:
         self.stiffness, self.damping = stiffness, damping
         self.joints_late, self.force_late = joints_late, force_late
         self.offset, self.sensor_sign, self.joint_sign = 0.3, 1.0, 1.0
+        self.noise_n = NOISE_N
         self.state = {"mode": "enabled", "at_goal": True}
         self.sources = {"force": (0.0,) * 6}
         self.reply = requests.Reply(ok=True)
@@ -71,7 +72,7 @@ class Arm:
         after, deep, before = (self.xs[i - self.joints_late - self.force_late] for i in (0, -1, -2))
         force = self.stiffness * (deep - AT) + self.damping * (after - before) / (2.0 * PERIOD_S)
         force = max(0.0, force) if deep > AT else 0.0
-        read = force + self.offset + NOISE_N * self.noise.normal()
+        read = force + self.offset + self.noise_n * self.noise.normal()
         wrench = [0.0, 0.0, self.press.along.sign * self.sensor_sign * read, 0.0, 0.0, 0.0]
         pose = lambda x: (0.0, 0.0, self.press.along.sign * x, 0.0, 0.0, 0.0)  # noqa: E731
         state = {
@@ -109,6 +110,16 @@ def test_a_spring_is_told_with_its_damping_and_the_delay_of_both_parts(pa10, sti
     assert found.delay_periods == pytest.approx(3.0, abs=0.3)
     assert found.damping == pytest.approx(300.0, abs=60.0)
     assert found.forces[0] < 0.5 * found.forces[1] < 8.0
+
+
+@pytest.mark.parametrize(("stiffness", "late"), [(2e3, 1), (2e3, 4), (20e3, 4), (100e3, 1)])
+def test_a_sensor_with_ten_times_the_noise_tells_no_worse_than_five_hundredths(
+    pa10, stiffness, late
+):
+    arm = Arm(stiffness, joints_late=late, force_late=late)
+    arm.noise_n = 10.0 * NOISE_N
+    arm.go(240.0)
+    assert found_by(pa10, arm.guide).stiffness == pytest.approx(stiffness, rel=0.05)
 
 
 def test_the_tool_goes_back_and_has_its_own_gains_again():
