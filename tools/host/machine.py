@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import distributions, requires
 from pathlib import Path
 from typing import Final
 
@@ -107,13 +107,8 @@ def versions(*packages: str) -> dict[str, str | None]:
     needed = (
         re.split(r"[^\w.-]", line)[0] for line in requires("telerobot") or () if "extra" not in line
     )
-    found: dict[str, str | None] = {}
-    for name in packages or ("telerobot", *needed):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = None
-    return found
+    here = {re.sub("_", "-", str(found.name)).lower(): found.version for found in distributions()}
+    return {name: here.get(name.lower()) for name in packages or ("telerobot", *needed)}
 
 
 def loopback_refusal(bus: BusSection = _PROBE, timeout_s: float = 0.5) -> str:
