@@ -135,7 +135,7 @@ def bessel(x: float, J: Array) -> None:
         first *= half / (n + 1)
 
 
-@inner_kernel
+@compiled(NUMBER)
 def bow_parameter(ratio: float) -> float:
     """Return μ in (0, 2.405) of J0(μ) = ratio in (0, 1): Newton's method inside a bracket."""
     low, high, J = 0.0, FIRST_ZERO, np.empty(2)
