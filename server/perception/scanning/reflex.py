@@ -356,7 +356,7 @@ class Search:
             free &= np.abs(off[:, 0] * along[1] - off[:, 1] * along[0]) < STILL
             free &= np.linalg.norm(parts[1] - now[1], axis=1) < STILL
         if not free.any():
-            return FoldingPosture(None, f"sequence_f{rule + 1}")
+            return FoldingPosture(None, ("sequence_f1", "sequence_f2", "sequence_f3")[rule])
         moved = 1 if rule == 1 else -1
         cost = np.linalg.norm(parts[moved] - now[moved], axis=1)
         cost += 1e-3 * np.linalg.norm(q_all - q, axis=1)
