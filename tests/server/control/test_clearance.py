@@ -125,8 +125,8 @@ def test_driven_into_a_table_the_tool_stands_before_it_and_leaves_at_once(pa10, 
     kept = Kept(pa10, (TABLE,))
     kept.go(4.0, twist)
     assert 0.0 < min(kept.least) < 0.012
-    # Straight at it the tool stands; obliquely it glides along, up to where its reach ends.
-    assert np.abs(kept.run.memory.commanded.motion.dq).max() < (0.25 if any(twist[:2]) else 0.02)
+    # Straight at it the tool stands, and tilts; obliquely it glides on, up to where its reach ends.
+    assert np.abs(kept.run.memory.commanded.motion.dq).max() < (0.3 if any(twist[:2]) else 0.03)
     height = kept.run.pose.p[2]
     kept.go(1.0, (0, 0, 0.3, 0, 0, 0))
     assert kept.run.pose.p[2] > height + 0.15
@@ -285,7 +285,7 @@ def test_an_obstacle_that_appears_on_the_arm_is_met_by_the_least_bad_stop(pa10):
     here = replace(scene, rounds=replace(scene.rounds, start=ahead[None], end=ahead[None]))
     kept.go(1.0, (0.0, 0.3, 0.2, 0, 0, 0), here)
     assert any(o.stop_worsened for o in kept.run.outputs)
-    assert kept.least[-1] < 0.0
+    assert min(kept.least) < -0.005
     kept.run.observe()
     start = kept.gap(here)
     kept.go(1.0, (0.0, -0.3, -0.2, 0, 0, 0), here)
