@@ -67,7 +67,7 @@ class ComputedSights(SimulatedCameras):
         R = rotation_exp(self._draw.normal(0.0, radians, 3)) @ seen.R
         pose: PoseVector = Pose(R, p).to_xyz_rpy()
         corners = board_of(camera)[camera.tag] @ R.T + p
-        near = corners[:, 2].min() > 0.0
+        near = bool((np.abs(corners[:, :2]) < 10.0 * corners[:, 2:]).all())  # no lens sees wider
         return Sighting(
             camera=camera.name,
             tick=tick,
