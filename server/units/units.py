@@ -547,15 +547,18 @@ class Units:
 
     def look_around(self, tick: int) -> None:
         """Tell which links are in sight lines, by where all arms were measured."""
-        lines = self.obstacles.lines or any(u.perception.sight_lines.lost for u in self.each)
-        at = [(unit, unit.q, unit.base_measured) for unit in self.each if unit.q is not None]
-        if tick % EVERY or not lines or len(at) < len(self.each):
+        if tick % EVERY:
             return
+        if not (self.obstacles.lines or any(u.perception.sight_lines.lost for u in self.each)):
+            return
+        measured = [(u, u.q, u.base_measured) for u in self.each if u.q is not None]
         scene = self.obstacles.scene(tick)
         if scene.carried:
-            scene = scene.placed([u.arm.mechanism.pose_wrist(q, base) for u, q, base in at])
-        for arm, (unit, q, base) in enumerate(at):
-            unit.perception.sight_lines.update(scene, arm, q, base)
+            if len(measured) < len(self.each):
+                return
+            scene = scene.placed([u.arm.mechanism.pose_wrist(q, base) for u, q, base in measured])
+        for unit, q, base in measured:
+            unit.perception.sight_lines.update(scene, self.each.index(unit), q, base)
 
     def keep(self, tick: int, memory: Memory, outputs: Sequence[Output]) -> None:
         """Take in what a tick decided."""
