@@ -138,6 +138,7 @@ def nearest(
     )
     for link in links:
         H, f = keep(H, f, J, link.tools, link.give_way, length)
+        lower[n + link.tools] = SLIDE  # their one share is no single arm's to hurry
     found, _, flag, _ = daqp.solve(H, f, A, upper, lower, sense)
     wrong = violation(slopes, hard, found[:n])
     if math.isnan(found.sum()) or math.isnan(low.sum() - high.sum()):  # no bound to the solver

@@ -465,6 +465,21 @@ def test_tools_on_one_payload_have_one_share():
     assert alone.pace[1] > 0.99
 
 
+@pytest.mark.parametrize("bound", [-0.06, -0.005])
+def test_a_payload_goes_as_fast_beside_what_is_near_to_either_arm(bound):
+    link = PayloadLink(np.array([0, 1]), np.zeros((2, 6)))
+    both, tool = np.concatenate([UNIT, UNIT], axis=1), np.repeat([0, 1], 6)
+    rates, ones = np.concatenate([RATE, RATE]), np.ones(12)
+    paces = [
+        nearest(
+            rates, both, -ones, ones, ones, L,
+            (-np.eye(12)[[joint]], np.array([bound])), tool, (link,),
+        ).pace[0]
+        for joint in (0, 6)
+    ]  # fmt: skip
+    assert paces[0] == pytest.approx(paces[1], abs=1e-6)
+
+
 def test_every_tool_widens_its_gaps_where_nothing_else_is_said():
     gap = np.eye(12)[11:], np.array([0.1])
     both, tool = np.concatenate([UNIT, UNIT], axis=1), np.repeat([0, 1], 6)
