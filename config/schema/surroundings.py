@@ -477,8 +477,9 @@ class ScannerSection(Section):
     rays: int = Field(541, ge=2, le=1082, description="rays of a scan [1]")
     rate_hz: float = Field(50.0, ge=5, le=100, description="scans in a second [Hz]")
     silent_s: float = Field(
-        0.2, gt=0, le=2, description="a base that drives stops when the newest scan is older [s]"
-    )
+        0.2, gt=0, le=2,
+        description="a base stops when the newest scan is older; it brakes for that in time [s]",
+    )  # fmt: skip
     late_s: float = Field(
         0.0, ge=-0.1, le=0.1, description="its rays are older than its clock tells [s]"
     )

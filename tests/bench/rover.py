@@ -17,12 +17,11 @@ from pathlib import Path
 
 import numpy as np
 from telerobot.config.load import Cell, ConfigError, load_cell
-from telerobot.drivers.scanner import Clocks
+from telerobot.drivers.scanner import decoded
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import encode
 from telerobot.protocols.messages.telemetry import State
-from telerobot.protocols.sick import TelegramCutter, TelegramError, decode_scan, is_scan
-from telerobot.server.perception.scanning.placing import instant_of
+from telerobot.protocols.sick import TelegramCutter
 from telerobot.server.perception.scanning.scanning import Scanning
 from telerobot.tools.bench import latency, sync
 from telerobot.tools.bench.figures import Figures, percentiles
@@ -110,14 +109,13 @@ def contours(cell: Cell, heard: list[Heard]) -> list[float]:
 
     Telegrams and telemetry come in the order in which they were `heard`, with the time [s].
     """
-    scanning, clocks, cutter = Scanning(cell), Clocks(), TelegramCutter()
+    scanning, cutter = Scanning(cell), TelegramCutter()
     seconds: list[float] = []
     reading_s = 0.0
     for now_s, what in heard:
         start_s = time.perf_counter()
         if isinstance(what, State):
-            clocks.hear_daemon(now_s, what.time_s)
-            found = list(scanning.hear(instant_of(what, scanning.geometry.home)))
+            found = list(scanning.listen([what], now_s))
             for looked in found:
                 for news in looked.messages:
                     encode(news)
@@ -125,12 +123,8 @@ def contours(cell: Cell, heard: list[Heard]) -> list[float]:
                 seconds.append(reading_s + time.perf_counter() - start_s)
         else:
             for telegram in cutter.feed(what):
-                if isinstance(telegram, TelegramError) or not is_scan(telegram):
-                    continue
-                scan = decode_scan(telegram)
-                began_s = clocks.hear_scanner(now_s, scan.start_us, scan.sent_us)
-                if began_s is not None:
-                    scanning.take(scan, began_s)
+                if (scan := decoded(telegram)) is not None:
+                    scanning.receive(scan, now_s)
             reading_s = time.perf_counter() - start_s
     return seconds
 

@@ -184,8 +184,9 @@ def test_held_keys_drive_a_rover_to_a_bridge_where_its_arm_folds_by_itself(
 ):
     near = tmp_path / "near.toml"
     scanner = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    # Six processes share what processors there are.
     near.write_text(
-        f'extends = "rover_bridge"\n[scanner]\naddress = "{scanner}"\n'
+        f'extends = "rover_bridge"\n[scanner]\naddress = "{scanner}"\nsilent_s = 0.5\n'
         "[rig.bridge]\ndistance = 2.3\n"
     )
     plant = make_plant(near)

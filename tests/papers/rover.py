@@ -111,9 +111,8 @@ class Rover:
                 self.scanning.take(scan, scan.start_us * 1e-6)
         self.time_s, self.tick = self.time_s + PERIOD_S, self.tick + 1
         base = Pose(np.eye(3), np.array([self.rolled, 0.0, 0.0]))
-        for looked in self.scanning.hear(
-            MeasuredInstant(self.tick, self.time_s, self.q.copy(), base)
-        ):
+        instant = MeasuredInstant(self.tick, self.time_s, self.q.copy(), base)
+        for looked in self.scanning.hear([instant]):
             if looked.answer is not None:
                 self.newest = looked
                 if not self.phases or self.phases[-1] != looked.answer.phase:

@@ -26,7 +26,6 @@ def run(args: argparse.Namespace) -> int:
         identity = identity_of(cell, Role.SENSOR, SCAN, topic.key)
     over = until_told(args.seconds)
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
-    told = 0
     if session is not None:
         work = ScanWork(
             session, scanning, lambda line: say(f"telerobot: {line}"), sparing(TOLD_EVERY_S)
@@ -36,6 +35,6 @@ def run(args: argparse.Namespace) -> int:
         finally:
             work.close()
             session.close()
-        told = work.told
-    print(f"{scanning.scans} scans, {scanning.refused} telegrams refused, {told} contours")
+    counts = f"{scanning.scans} scans, {scanning.refused} telegrams refused"
+    print(f"{counts}, {scanning.contours} contours")
     return 0

@@ -163,7 +163,7 @@ class SimulatedScans:
 
     def on_state(self, state: State) -> None:
         now_s = self._rig.time_s
-        for looked in self.scanning.listen(state, now_s):
+        for looked in self.scanning.listen([state], now_s):
             if looked.contour is not None:
                 self.newest = looked
                 self._record(looked)

@@ -140,8 +140,9 @@ def _free_strips(strips: Array, every: Array, cell: float) -> Array:
 
 def _beside(values: Array, row: int, column: int) -> Array:
     """Return the values (rows, columns) of neighbours; 0 outside of the plane."""
-    wide = np.pad(values, 1)
     rows, columns = values.shape
+    wide = np.zeros((rows + 2, columns + 2), values.dtype)
+    wide[1:-1, 1:-1] = values
     return wide[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
 
 

@@ -7,6 +7,7 @@ ahead.
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 from ....drivers.network.sensor_session import Over
 from ....drivers.network.session import Session
@@ -35,7 +36,6 @@ class ScanWork:
         self._client = ScannerClient(scanning.scanner, say)
         self._states = session.subscribe(t.STATE, STATES)
         self._connections = 0
-        self.told = 0  # contours that the daemon was told [1]
 
     def run(self, over: Over) -> None:
         """Look at every scan as it comes."""
@@ -55,20 +55,17 @@ class ScanWork:
         self._client.close()
 
     def _hear(self) -> None:
+        states: list[State] = []
         for payload in self._states.take():
-            try:
-                state = decode_as(State, payload, t.STATE.max_bytes)
-            except CodecError:
-                continue
-            for looked in self._scanning.listen(state, time.monotonic()):
-                self._tell(looked)
-                if self._session.heard(t.SCAN):
-                    points = ScanPoints(tick=state.tick, points_mm=looked.points_mm)
-                    self._session.put(t.SCAN, encode(points))
+            with suppress(CodecError):
+                states.append(decode_as(State, payload, t.STATE.max_bytes))
+        for looked in self._scanning.listen(states, time.monotonic()):
+            self._tell(looked)
+            if self._session.heard(t.SCAN):
+                points = ScanPoints(tick=looked.tick, points_mm=looked.points_mm)
+                self._session.put(t.SCAN, encode(points))
 
     def _tell(self, looked: Looked) -> None:
         for news in looked.messages:
-            contour = isinstance(news, ContourNews)
-            self.told += contour
-            topic = t.CONTOUR if contour else t.OBSTACLE.by(SCAN)
+            topic = t.CONTOUR if isinstance(news, ContourNews) else t.OBSTACLE.by(SCAN)
             self._session.put(topic, encode(news))

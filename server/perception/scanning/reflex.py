@@ -310,8 +310,8 @@ class Search:
         if not found.any():
             return FoldingPosture(None, "no_posture")
         now = self.points.of(q[None])[0]
-        cost = np.linalg.norm(parts[-1] - now[-1], axis=1)
-        cost += 0.5 * np.linalg.norm(parts[1] - now[1], axis=1)
+        cost = lengths(parts[-1] - now[-1])
+        cost += 0.5 * lengths(parts[1] - now[1])
         return self._cheapest(q, q_all[found], cost[found], obstacles)
 
     def _cheapest(
@@ -345,7 +345,7 @@ class Search:
         if rule == 0:
             parts = [parts[0], parts[-1]]
         elif rule == 1:
-            near = np.linalg.norm(parts[-1] - now[-1], axis=1) < NEAR
+            near = lengths(parts[-1] - now[-1]) < NEAR
             q_all = self.points.holding(now[-1], q_all[near])
             parts = list(self.points.of(q_all).transpose(1, 0, 2))
         free = self._free(parts, obstacles, (rule < 2, *(rule == 2,) * (len(parts) - 2)))
@@ -354,11 +354,11 @@ class Search:
             along = along / max(float(np.linalg.norm(along)), 1e-9)
             off = parts[-1][:, 1:] - now[0, 1:]
             free &= np.abs(off[:, 0] * along[1] - off[:, 1] * along[0]) < STILL
-            free &= np.linalg.norm(parts[1] - now[1], axis=1) < STILL
+            free &= lengths(parts[1] - now[1]) < STILL
         if not free.any():
             return FoldingPosture(None, ("sequence_f1", "sequence_f2", "sequence_f3")[rule])
         moved = 1 if rule == 1 else -1
-        cost = np.linalg.norm(parts[moved] - now[moved], axis=1)
+        cost = lengths(parts[moved] - now[moved])
         cost += 1e-3 * np.linalg.norm(q_all - q, axis=1)
         return self._cheapest(q, q_all[free], cost[free], obstacles)
 
@@ -368,7 +368,8 @@ class Search:
         shown = q.copy()
         shown[lead:] = wrist
         shoulder = self.points.of(shown[None])[0, 0]
-        behind = [grid.elbow + grid.R @ at for at in self.points.beyond_elbow(shown)]
+        axes = grid.R.reshape(-1, 3)
+        behind = [grid.elbow + (axes @ at).reshape(-1, 3) for at in self.points.beyond_elbow(shown)]
         parts = [np.broadcast_to(shoulder, grid.elbow.shape), grid.elbow, *behind]
         every = np.concatenate([grid.q, np.broadcast_to(wrist, (len(grid.q), len(wrist)))], axis=1)
         return every, parts
@@ -386,7 +387,7 @@ class Search:
         begin = _along(parts[0], parts[1])
         for start, end, asked in zip([begin, *parts[1:-1]], parts[1:], which, strict=True):
             if asked:
-                longest = float(np.linalg.norm(end - start, axis=1).max(initial=0.0))
+                longest = float(lengths(end - start).max(initial=0.0))
                 free_links(
                     start, end, field, step, -0.5 * self.plane.width, self.reach.choose,
                     max(1, int(np.ceil(longest / PIECE))), free,
@@ -402,10 +403,17 @@ def moving(points: Array) -> Array:
     return found
 
 
+def lengths(vectors: Array) -> Array:
+    """Return the lengths (s,) of vectors (s, 3)."""
+    x, y, z = vectors.T
+    found: Array = np.sqrt(x * x + y * y + z * z)
+    return found
+
+
 def _along(shoulder: Array, elbow: Array) -> Array:
     """Return the points (s, 3) at `FROM_SHOULDER` on the ways from shoulders to elbows (s, 3)."""
     way = elbow - shoulder
-    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    length = np.maximum(lengths(way)[:, None], 1e-9)
     begin: Array = shoulder + way * np.minimum(1.0, FROM_SHOULDER / length)
     return begin
 
@@ -523,8 +531,8 @@ STAND_OFF: Final = 0.15
 """The base stops so far before what it must not meet [m]."""
 DECELERATION: Final = 0.2
 """The base slows down like that before it [m/s²]."""
-DELAY_S: Final = 0.5
-"""Of contour, news, tick and drives together [s]."""
+REACTS_S: Final = 0.3
+"""Of news, tick and drives together [s]; the contour itself may be as old as `silent_s`."""
 ARRIVED: Final = 0.03
 """Joints that are nearer are there [rad]."""
 FREE_S: Final = 1.0
@@ -571,14 +579,15 @@ class PassageReflex:
         in_sequence: bool = False,
         wait: bool = True,
         trigger: float = 2.0,
+        silent_s: float = 0.2,
     ) -> None:
         """Build it; nothing is decided before an obstacle was looked at for `decide_s` [s].
 
         Nothing is done about what is farther ahead than `trigger` [m]. `in_sequence` takes the
         paper's order in place of the search of a whole posture; without `wait` the base is never
-        slowed down.
+        slowed down; with it, it is, in time even for a contour that is `silent_s` old.
         """
-        self._search, self._decide_s = search, decide_s
+        self._search, self._decide_s, self._silent_s = search, decide_s, silent_s
         self._in_sequence, self._wait, self._trigger = in_sequence, wait, trigger
         self.elsewhere: Executor | None = None
         """Who searches, so that contours go on meanwhile; None: the search is waited for."""
@@ -760,10 +769,13 @@ class PassageReflex:
             front = max(front, UNDECIDED_FRONT)
         if self.goal is not None:
             front = max(front, self._search.front(q, self.goal))
-        return speed_within(max(0.0, float(met.min()) - front - STAND_OFF))
+        return speed_within(max(0.0, float(met.min()) - front - STAND_OFF), self._silent_s)
 
 
-def speed_within(room: float) -> float:
-    """Return the greatest speed of a base [m/s] that still stops within a way [m]."""
-    b = DECELERATION * DELAY_S
+def speed_within(room: float, silent_s: float) -> float:
+    """Return the greatest speed of a base [m/s] that still stops within a way [m].
+
+    What it knows of that may be `silent_s` old.
+    """
+    b = DECELERATION * (silent_s + REACTS_S)
     return math.sqrt(b * b + 2.0 * DECELERATION * room) - b

@@ -6,7 +6,7 @@ telegram ──► rays ──► placed ──► own rays bridged ──► me
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -59,9 +59,9 @@ SCAN: Final = "scan"
 """Name under which a scanner tells of obstacles; that of its certificate, too."""
 
 CONTOUR_EVERY: Final = 2
-"""Scans from contour to contour [1]."""
-BOXES_EVERY: Final = 10
-"""Scans from boxes to boxes [1]."""
+"""Scans from contour to contour [1]; more where several wait: of those only the newest has one."""
+BOXES_EVERY: Final = 5
+"""Contours from boxes to boxes [1]."""
 MISSING_EVERY_S: Final = 5.0
 """Missing rays are told at most so often [s]."""
 MOST_MISSING: Final = 0.9
@@ -83,6 +83,8 @@ WAITING: Final = 8
 class Looked(NamedTuple):
     """Everything that one scan led to, for who tells or draws it."""
 
+    tick: int
+    """The newest tick of which telemetry was there."""
     scan: Scan
     points: Array
     """Rays (n, 3) in the odometry's frame, NaN where nothing was hit [m]."""
@@ -130,14 +132,16 @@ class Scanning:
             in_sequence=contour.rule == "sequence",
             wait=contour.wait,
             trigger=contour.plane.ahead,
+            silent_s=scanner.silent_s,
         )
         self.slip = SlipMonitor.from_cell(cell)
         """Wheels against scans; None for an arm that does not roll."""
         self.events: deque[str] = deque(maxlen=100)
         """Words about telegrams that were refused, and missing rays, for who prints them."""
-        self.scans = self.refused = 0
+        self.scans = self.refused = self.contours = 0
         self._clocks = Clocks()
         self._waiting: deque[tuple[Scan, float]] = deque()
+        self._without = 0  # scans since the last contour
         self._told: dict[str, tuple[Array, Array, float]] = {}
         self._silent = 0.0
         """Share of rays without an echo, lately."""
@@ -145,10 +149,13 @@ class Scanning:
 
     # --- what comes in -----------------------------------------------------------------------
 
-    def listen(self, state: State, arrived_s: float) -> Iterator[Looked]:
-        """Take in telemetry that arrived at a time of who listens [s], and look as `hear`."""
-        self._clocks.hear_daemon(arrived_s, state.time_s)
-        yield from self.hear(instant_of(state, self.geometry.home))
+    def listen(self, states: Iterable[State], arrived_s: float) -> Iterator[Looked]:
+        """Take in telemetry that arrived by a time of who listens [s], and look as `hear`."""
+        instants = []
+        for state in states:
+            self._clocks.hear_daemon(arrived_s, state.time_s)
+            instants.append(instant_of(state, self.geometry.home))
+        yield from self.hear(instants)
 
     def receive(self, found: Scan | TelegramError, arrived_s: float) -> str:
         """Take in what the scanner sent, at a time of who listens [s].
@@ -166,16 +173,27 @@ class Scanning:
             return f"telegram refused: {error}"
         return ""
 
-    def hear(self, instant: MeasuredInstant) -> Iterator[Looked]:
-        """Take in telemetry, and look at the scans that it lets place."""
-        self.ring.add(instant)
+    def hear(self, instants: Iterable[MeasuredInstant]) -> Iterator[Looked]:
+        """Take in instants, the oldest first, and look at the scans that they let place.
+
+        At all of them, so that a busy machine forgets nothing, but with a contour for the newest
+        alone, so that it does not fall behind.
+        """
+        for instant in instants:
+            self.ring.add(instant)
+        placed = list(self._placed())
+        for k, (scan, start_s, around) in enumerate(placed, 1):
+            yield self._look(scan, start_s, around, newest=k == len(placed))
+
+    def _placed(self) -> Iterator[tuple[Scan, float, list[MeasuredInstant]]]:
+        """Yield the scans that telemetry covers, when each began [s], and the instants around."""
         while self._waiting:
             scan, start_s = self._waiting[0]
             instants = self.ring.around(start_s, start_s + self._duration(scan))
             if len(instants) < 2:
-                break
+                return
             self._waiting.popleft()
-            yield self._look(scan, start_s, instants)
+            yield scan, start_s, instants
 
     def take(self, scan: Scan, start_s: float) -> None:
         """Take in a scan whose zero index passed at a time of the daemon's [s].
@@ -212,8 +230,11 @@ class Scanning:
         turn = scan.step_rad * len(scan.distances) / (2.0 * math.pi)
         return turn / scan.frequency_hz
 
-    def _look(self, scan: Scan, start_s: float, instants: list[MeasuredInstant]) -> Looked:
+    def _look(
+        self, scan: Scan, start_s: float, instants: list[MeasuredInstant], *, newest: bool
+    ) -> Looked:
         self.scans += 1
+        self._without += 1
         n = len(scan.distances)
         angle = scan.angles
         turn_s = scan.step_rad / (2.0 * math.pi * scan.frequency_hz)
@@ -237,9 +258,11 @@ class Scanning:
         self.memory.add(points[self._in_reach(points, now)])
         if self.slip is not None:
             self.slip.see(np.where(own[:, None], np.nan, raw), now)
-        looked = Looked(scan, points, own)
-        if self.scans % CONTOUR_EVERY:
+        looked = Looked(now.tick, scan, points, own)
+        if self._without < CONTOUR_EVERY or not newest:
             return looked
+        self._without = 0
+        self.contours += 1
         return self._answer(looked, now)
 
     def _in_reach(self, points: Array, now: MeasuredInstant) -> Flags:
@@ -292,12 +315,13 @@ class Scanning:
             Obstacles.behind(passed, self.plane),
         )
         self.ground.stand(now.T_world_base, now.time_s)
-        back = speed_within(self.ground.room(now.T_world_base, now.time_s))
+        room = self.ground.room(now.T_world_base, now.time_s)
+        back = speed_within(room, self.scanner.silent_s)
         news = self._news(now.tick, contour, answer, back)
         update = {"slipping": slipping, "slide": slide, "curvature": curvature}
         news = news.model_copy(update=update)
         messages: list[ContourNews | ObstacleNews] = [news]
-        if self.scans % BOXES_EVERY == 0:
+        if self.contours % BOXES_EVERY == 0:
             boxes = boxes_of(passed, BOXES_BEHIND)
             boxes += boxes_of(contour, MOST - len(boxes))
             messages += self._boxes(now.tick, boxes, Pose(R, foot))

@@ -74,7 +74,7 @@ def contour():
 
 
 def test_a_scans_points_and_its_contour_are_recorded_as_a_simulation_does(record, tmp_path):
-    points_mm = Looked(None, POINTS, None).points_mm
+    points_mm = Looked(0, None, POINTS, None).points_mm
     scan = ScanPoints(tick=7, points_mm=points_mm)
     recorder, _ = record(view_scan=[encode(scan)], sensor_contour=[encode(contour())])
     (file,) = tmp_path.glob("*.mcap")

@@ -12,10 +12,13 @@ from telerobot.server.perception.scanning.contour import Contour, Obstacles, cle
 from telerobot.server.perception.scanning.reflex import (
     ARCS,
     AT_ONCE,
+    DECELERATION,
+    REACTS_S,
     PassagePhase,
     PassageReflex,
     Search,
     Steering,
+    speed_within,
 )
 
 
@@ -417,3 +420,19 @@ def test_one_that_may_not_steer_looks_at_nothing() -> None:
 
     assert Steering(0.0).step(0.0, at, blocked) == 0.0
     assert tried == []
+
+
+def test_a_base_that_hears_late_of_a_bridge_still_stands_off_it(found: Search) -> None:
+    """Of a contour as old as may be, and the rest that it takes to react, with its braking."""
+    for silent_s in (0.2, 1.0):
+        for room in np.linspace(0.0, 2.0, 21):
+            speed = speed_within(room, silent_s)
+            way = speed * (silent_s + REACTS_S) + speed**2 / (2.0 * DECELERATION)
+            assert way == pytest.approx(room, abs=1e-12)
+    speeds = []
+    for silent_s in (0.2, 1.0):
+        reflex = PassageReflex(found, 4.0, silent_s=silent_s)
+        for time_s in (0.0, 0.1):
+            answer = reflex.step(time_s, START, bridge(0.95, 1.5).within(-3.0, 3.0))
+        speeds.append(answer.most_speed)
+    assert 0.0 < speeds[1] < 0.8 * speeds[0]
