@@ -1,6 +1,6 @@
 """The console in a real Chromium, against a rig, a daemon and a console that are real processes.
 
-One plant serves all tests, since starting it takes most of the time; each test has pages of its
+One plant at a time serves the tests, since starting it takes most of the time; each has pages of its
 own, and begins with the arm in HOLD or READY and nobody holding the lease. What moves is judged by
 the rig's truth. Nothing here sleeps: `Site.until` waits for a state.
 """
@@ -300,31 +300,11 @@ def plant_type():
 
 
 @pytest.fixture(scope="session")
-def running(browsers, tmp_path_factory):
-    """Return a PA-10 with a console, for the whole session; its cell's description is hostile."""
-    path = tmp_path_factory.mktemp("cell") / "pa10.toml"
-    text = load_cell("pa10").path.read_text()
-    path.write_text(re.sub(r"^description = .*$", f"description = '{HOSTILE}'", text, flags=re.M))
-    with plant_type()(load_cell(path)) as plant:
-        plant.operator("watcher")
-        site = Site(plant, browsers)
-        yield site
-        site.close()
-
-
-@pytest.fixture
-def site(running):
-    """Return the console with no page open and nobody driving."""
-    running.forget()
-    yield running
-    running.leave()
-
-
-@pytest.fixture(scope="module")
 def site_of(browsers):
-    """Return what gives a shipped cell with a console; one at a time, the last that was asked for.
+    """Return what gives a cell with a console; one at a time, the last that was asked for.
 
-    What a test left open is closed, and the arm comes to rest.
+    Two would take all of a small machine. What a test left open is closed, and the arm comes to
+    rest.
     """
     ends = ExitStack()
     running = {}
@@ -343,6 +323,23 @@ def site_of(browsers):
 
     yield of
     ends.close()
+
+
+@pytest.fixture(scope="session")
+def hostile(tmp_path_factory):
+    """Return the path of a PA-10 whose description is hostile."""
+    path = tmp_path_factory.mktemp("cell") / "pa10.toml"
+    text = load_cell("pa10").path.read_text()
+    path.write_text(re.sub(r"^description = .*$", f"description = '{HOSTILE}'", text, flags=re.M))
+    return path
+
+
+@pytest.fixture
+def site(site_of, hostile):
+    """Return the console of that with no page open and nobody driving."""
+    found = site_of(hostile)
+    yield found
+    found.leave()
 
 
 @pytest.fixture(scope="module")
