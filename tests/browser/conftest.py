@@ -1,8 +1,8 @@
 """The console in a real Chromium, against a rig, a daemon and a console that are real processes.
 
-One plant at a time serves the tests, since starting it takes most of the time; each has pages of its
-own, and begins with the arm in HOLD or READY and nobody holding the lease. What moves is judged by
-the rig's truth. Nothing here sleeps: `Site.until` waits for a state.
+One plant at a time serves the tests, since starting it takes most of the time; each has pages of
+its own, and begins with the arm in HOLD or READY and nobody holding the lease. What moves is
+judged by the rig's truth. Nothing here sleeps: `Site.until` waits for a state.
 """
 
 import importlib.util
