@@ -17,12 +17,13 @@ from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Motion, Pose, rotation_exp
 from telerobot.server.events import Events
 from telerobot.server.perception.obstacle_map import ObstacleMap
+from telerobot.tools.scripts.script import Script
 
 from . import planar
 from .around import acting, lines
 from .exhibit import Exhibit, Paper, Shown, at_least, at_most, near, recalled
 from .runs import run
-from .search import search
+from .search import Place, search
 from .style import BODY, BOUND, COLOURS, PRINTED, above, label, panels, svg
 
 TABLE: Final = {
@@ -242,6 +243,89 @@ def minimum() -> Shown:
     )  # fmt: skip
 
 
+# --- Equations 3 to 7: a search in each period, against the flow down the slope -------------------
+
+CENTRE: Final = np.array([1.85, 1.0])
+CIRCLE_M, CORNERS, ROUNDS = 0.15, 24, 2
+"""The tool's circle, beside the obstacle of Table II, as a path of so many blended corners."""
+BEGINS_S, ENDS_S = 8.0, 36.0
+"""The arm has slid to its first minimum by then; and has gone round twice by then [s]."""
+DIRECTIONS: Final = np.linspace(0.3, 2.0 * np.pi - 0.3, 90)
+"""Of the tool from the circle's centre, where postures of the last round are compared [rad]."""
+
+
+def circled(steps: int, sense: float) -> Array:
+    """Return joints (90, 3) where the tool is at `DIRECTIONS`, in the last round of one sense."""
+    turns = sense * 2.0 * np.pi * np.arange(1, ROUNDS * CORNERS + 1) / CORNERS
+    corners = CENTRE + CIRCLE_M * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    target: dict[str, Any] = {"xyz": [2.0, 1.0, 0.5], "rpy": [0.0] * 3, "relative_to": "world"}
+    path: dict[str, Any] = {
+        "waypoints": [[x, y, 0.5, 0.0, 0.0, 0.0] for x, y in corners.tolist()],
+        "speeds": [0.1] * len(corners),
+        "blend": 0.01,
+        "relative_to": "world",
+    }
+    told: list[dict[str, Any]] = [
+        {"at_s": 0.2, "cmd/position": target},
+        {"at_s": BEGINS_S, "cmd/path": path},
+    ]
+    found = run(
+        altered(load_cell(PLANAR), {"potential.search": steps}),
+        Script.model_validate({"duration_s": ENDS_S, "step": told}),
+    )
+    q = np.array([truth.q for truth in found.truths])
+    off = np.array([truth.pose_mrf[:2] for truth in found.truths]) - CENTRE
+    gone = sense * np.unwrap(np.arctan2(off[:, 1], off[:, 0]))
+    # One that goes round to the right is at a direction a when it has gone by 2π − a.
+    wanted = 2.0 * np.pi * (ROUNDS - 1) + (DIRECTIONS if sense > 0.0 else 2.0 * np.pi - DIRECTIONS)
+    if gone[-1] < wanted.max():
+        raise ValueError(f"the tool has gone round by {gone[-1]:.2f} rad only")
+    return np.stack([np.interp(wanted, gone, q[:, j]) for j in range(3)], axis=1)
+
+
+def least_of(q: Array) -> Array:
+    """Return the posture (3,) of least potential that has the tool of q (3,), by the search."""
+    tip = planar.joints(q)[:2, -1]
+
+    def look(at: Array) -> Place:
+        return planar.look(at)._replace(error=tip - planar.joints(at)[:2, -1])
+
+    return search(q, look, planar.LOWER, planar.UPPER, 1e-7).q
+
+
+def circle() -> Shown:
+    """Show where joints are when the tool comes the one way and the other."""
+    figure, (left, right) = panels(1, 2, 3.0)
+    apart, behind = [], []
+    for k, (steps, name) in enumerate(((0, "flow down the slope"), (2, "search"))):
+        there, back = (circled(steps, sense) for sense in (1.0, -1.0))
+        least = np.array([least_of(q) for q in there[::5]])
+        apart.append(np.abs(there - back).max(axis=1))
+        behind.append(float(np.abs(there[::5] - least).max()))
+        left.plot(DIRECTIONS, there.sum(axis=1), color=COLOURS[k], label=name)
+        left.plot(DIRECTIONS, back.sum(axis=1), color=COLOURS[k], ls=":")
+        right.semilogy(DIRECTIONS, apart[-1], color=COLOURS[k])
+    left.plot(DIRECTIONS[::5], least.sum(axis=1), **PRINTED, label="least potential")
+    label(left, "tool from the circle's centre [rad]", "direction of link 3 [rad]")
+    label(right, "tool from the circle's centre [rad]", "joints of both senses apart [rad]")
+    above(figure, left)
+    return Shown(
+        [
+            at_most("search: joints of both senses apart", float(apart[1].max()), "0", 2e-3, "rad"),
+            at_most("search: joints from those of least potential", behind[1], "0", 2e-3, "rad"),
+            recalled(
+                "flow: joints of both senses apart", float(apart[0].max()), "not told", 0.02, 0.01,
+                "rad",
+            ),
+            recalled(
+                "flow: joints from those of least potential", behind[0], "not told", 0.01, 0.005,
+                "rad",
+            ),
+        ],
+        svg(figure),
+    )  # fmt: skip
+
+
 # --- Figure 5 and section VI: lines ---------------------------------------------------------------
 
 
@@ -446,6 +530,21 @@ SCOTT = Paper(
             "potential along the self-motion, with the run's postures as dots.",
             'make papers ARGS="--only minimum"; telerobot simulate planar3 figure_4',
             minimum,
+        ),
+        "circle": Exhibit(
+            "Section II, eqs. 3–7",
+            "Joints come back with the tool",
+            "Each target is searched for the posture of least potential, so that a closed path of "
+            "the tool closes in the joints (Wang's cyclic property).",
+            "Eqs. 3 to 7 are iterated until they end, which takes as long as it takes: the server "
+            "does at most `potential.search` steps in each period, of at most 0.2 rad each. "
+            "Without, it goes down the slope where the arm is, which lags behind a least that "
+            "moves.",
+            "The planar arm of Table II draws a circle of 0.15 m in 12 s, once in each sense, in "
+            "the physics. Left: its last link, in the other sense dotted. Right: the greatest "
+            "difference of a joint.",
+            'make papers ARGS="--only circle"',
+            circle,
         ),
         "line": Exhibit(
             "Fig. 5, section VI",
