@@ -16,7 +16,7 @@ from ...server.process import PRIORITY as DAEMON
 from ..host.address import cell_from
 from ..host.local_plant import until_told
 from ..host.progress import sparing
-from ..simulation.sensors import FrameSensors
+from ..simulation.frame_sensors import FrameSensors
 
 PRIORITY = DAEMON + 1
 """SCHED_FIFO priority: hardware answers while a daemon computes, its own or another plant's."""

@@ -2,6 +2,7 @@
 
 import argparse
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 
 from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
@@ -27,14 +28,9 @@ def run(args: argparse.Namespace) -> int:
     over = until_told(args.seconds)
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     if session is not None:
-        work = ScanWork(
-            session, scanning, lambda line: say(f"telerobot: {line}"), sparing(TOLD_EVERY_S)
-        )
-        try:
+        told, complain = lambda line: say(f"telerobot: {line}"), sparing(TOLD_EVERY_S)
+        with closing(session), closing(ScanWork(session, scanning, told, complain)) as work:
             work.run(over)
-        finally:
-            work.close()
-            session.close()
     counts = f"{scanning.scans} scans, {scanning.refused} telegrams refused"
     print(f"{counts}, {scanning.contours} contours")
     return 0

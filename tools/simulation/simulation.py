@@ -32,6 +32,7 @@ from ...server.recorder import BlackBox
 from ..recording.recorder import Recorder
 from ..scripts.player import Phase, Player
 from ..scripts.script import Expected, Script, Step, load_script
+from .frame_sensors import SimulatedFrameSensors
 from .judges import (
     ToolJudge,
     TunnelJudge,
@@ -42,7 +43,7 @@ from .judges import (
     posture_figures,
 )
 from .observer import Observer
-from .sensors import SimulatedFrameSensors, SimulatedScans
+from .scans import SimulatedScans
 
 # --- Result of a simulation, and the figures of its JSON ------------------------------------------
 CONTACT_S = 1.0  # the contact force is the mean over this long before the end [s]

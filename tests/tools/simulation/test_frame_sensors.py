@@ -9,7 +9,7 @@ from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.messages.perception import RigMotion
 from telerobot.protocols.messages.rig import RigFault
-from telerobot.tools.simulation.sensors import FrameSensors, SyncTicks
+from telerobot.tools.simulation.frame_sensors import FrameSensors, SyncTicks
 
 PERIOD_S = 0.01
 
