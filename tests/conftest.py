@@ -21,7 +21,7 @@ from telerobot.drivers.device import DeviceError
 
 SLOW = Path(__file__).with_name("slow.txt")
 """Names the tests that `make test` leaves out, as `make durations` measured them."""
-SLOW_S, FAST_S = 0.5, 5.0
+SLOW_S, FAST_S = 0.4, 5.0
 """A test that is measured above the first is slow; one that is not may cost the second [CPU s]."""
 MAY = {"slow", "hil", "browser"}
 """Marks of tests that may cost more; those of processes wait, and are not measured."""

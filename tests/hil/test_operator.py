@@ -9,7 +9,6 @@ pytestmark = pytest.mark.hil
 STICK = [0.0, 0.0, 0.03, 0.0, 0.0, 0.0]
 
 
-@pytest.mark.smoke
 def test_an_operator_moves_the_arm_and_leaves_it_holding(plant):
     with Operator(plant.cell, name="ann") as ann:
         ann.acquire()
