@@ -107,7 +107,6 @@ def test_an_operator_that_is_killed_or_frozen_loses_the_arm(plant, end):
 
 
 @pytest.mark.hil
-@pytest.mark.smoke
 def test_one_silent_drive_stops_them_all_and_is_reset_once_it_speaks(plant):
     operator = drive(plant)
     plant.inject("silence", "e1")
