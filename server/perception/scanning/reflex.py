@@ -579,13 +579,13 @@ class PassageReflex:
         in_sequence: bool = False,
         wait: bool = True,
         trigger: float = 2.0,
-        silent_s: float = 0.2,
+        silent_s: float,
     ) -> None:
         """Build it; nothing is decided before an obstacle was looked at for `decide_s` [s].
 
         Nothing is done about what is farther ahead than `trigger` [m]. `in_sequence` takes the
-        paper's order in place of the search of a whole posture; without `wait` the base is never
-        slowed down; with it, it is, in time even for a contour that is `silent_s` old.
+        paper's order in place of the search of a whole posture. The base is slowed down in time
+        for contours that are up to `silent_s` old; without `wait`, never.
         """
         self._search, self._decide_s, self._silent_s = search, decide_s, silent_s
         self._in_sequence, self._wait, self._trigger = in_sequence, wait, trigger

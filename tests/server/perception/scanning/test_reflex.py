@@ -181,7 +181,7 @@ class Drive:
         *,
         in_sequence: bool = False,
     ) -> None:
-        self.reflex = PassageReflex(found, 4.0, in_sequence=in_sequence)
+        self.reflex = PassageReflex(found, 4.0, in_sequence=in_sequence, silent_s=0.2)
         self.height, self.speed, self.ahead, self.width = height, speed, ahead, width
         self.q, self.time_s, self.points = START, 0.0, found.points
         self.phases: list[PassagePhase] = []
@@ -239,7 +239,7 @@ def test_the_papers_order_passes_where_a_grid_went_round_in_circles(found: Searc
 
 def test_the_papers_order_that_comes_back_to_a_posture_is_refused_and_stands(found: Search) -> None:
     """A bridge that goes to and fro: without a memory the arm folds after it for ever."""
-    reflex, q = PassageReflex(found, 0.0, in_sequence=True), START
+    reflex, q = PassageReflex(found, 0.0, in_sequence=True, silent_s=0.2), START
     goals: list[Array] = []
     for k in range(60):
         side = 0.3 if len(goals) % 2 else -0.3
@@ -310,7 +310,7 @@ def test_an_arm_that_swings_back_as_it_unfolds_waits_until_it_is_clear_of_the_br
     assert rear < -0.6  # farther back than folded or at home
     nothing = Obstacles.of(Contour(np.full((20, 40), np.nan), np.full((20, 40), np.nan)), PLANE)
     for behind, phase in ((0.5, PassagePhase.FOLDED), (0.8, PassagePhase.RETURNING)):
-        reflex = PassageReflex(found, 0.0)
+        reflex = PassageReflex(found, 0.0, silent_s=0.2)
         seen = bridge(0.6, 1.5)
         reflex.step(0.0, START, seen)
         assert reflex.step(0.1, START, seen).posture is not None

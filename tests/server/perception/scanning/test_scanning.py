@@ -66,5 +66,5 @@ def test_who_is_late_looks_at_every_scan_but_makes_a_contour_of_the_newest_alone
     looked = list(scanning.listen(states(11, 26), 0.25))
     assert [each.contour is not None for each in looked] == [False] * 6 + [True]
     assert looked[-1].messages[0].tick == looked[-1].tick == 24
-    assert scanning.memory.hits.sum() > before
+    assert scanning.memory.hits.sum() > 2.5 * before  # four scans, and seven more
     assert scanning.contours == 3
