@@ -257,7 +257,7 @@ class Scanning:
         self.ground.see(knots.p[middle], ends, echo, own, now.time_s)
         self.memory.add(points[self._in_reach(points, now)])
         if self.slip is not None:
-            self.slip.see(np.where(own[:, None], np.nan, raw), now)
+            self.slip.see(np.where(own[:, None], np.nan, raw), knots.p[middle], now)
         looked = Looked(now.tick, scan, points, own)
         if self._without < CONTOUR_EVERY or not newest:
             return looked

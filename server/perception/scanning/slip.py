@@ -53,6 +53,14 @@ STRAIGHT: Final = 0.03
 """Points of a cell lie on a line when they are off it by no more, as standard deviation [m]."""
 SPREAD: Final = 0.02
 """And along it by no less [m]."""
+LEVEL: Final = 0.1
+"""A ray that goes up or down by no more of its way meets what stands upright [1]."""
+UPRIGHT: Final = 0.03
+"""So does one that ends on a cell's line whose points differ in height by more, as standard
+deviation [m] ...
+"""
+LEANS: Final = 0.1
+"""... and are off the line by no more, for each metre that they are higher [1]."""
 LEAST_HITS: Final = 6.0
 """A cell with fewer points has no line [1]."""
 MOST_HITS: Final = 60.0
@@ -67,6 +75,8 @@ LEAST_SHARE: Final = 0.05
 """And by this share of all points that were matched [1]: lines wobble by some degrees."""
 DRIFT: Final = 0.5
 """A wheel slips at most so fast [m/s]."""
+OFF: Final = 0.015
+"""A match is this far off at most, beside [m]: what pulls farther is another thing's line."""
 MOVES: Final = 0.005
 """Wheels that rolled by less in `LOOKS_S` stand [m]."""
 LOOKS_S: Final = (0.5, 1.0, 2.0)
@@ -149,15 +159,17 @@ class SlipMonitor:
         self._map = np.zeros((SIDE, SIDE, BANDS * FIELDS))
         self._used_s = np.full((SIDE, SIDE), -np.inf)
         self._past = deque[_Compared]()
+        self._eye = np.zeros(3)
         self._spread = np.eye(3) * SIGMA**2
         self._fixed: _Compared | None = None
         """Where scans told last in all directions where the base is."""
         self._moved_s = self._corrected_s = -math.inf
 
-    def see(self, points: Array, now: MeasuredInstant) -> None:
+    def see(self, points: Array, eye: Array, now: MeasuredInstant) -> None:
         """Take in one scan's points (n, 3) in the odometry's frame, NaN for none or the arm's own.
 
-        They were placed by the odometry at their own instants; `now` is the newest of these.
+        They were placed by the odometry at their own instants; `now` is the newest of these. `eye`
+        (3,) is where the scanner was [m].
         """
         wheels, before = now.q[:2], self._past[-1] if self._past else None
         if before is not None and not self._follows(before, now):
@@ -179,6 +191,7 @@ class SlipMonitor:
         self._spread = self._spread + np.eye(3) * spread**2
         self._spread *= min(1.0, LOST_M**2 / float(np.diag(self._spread).max()))
         seen = (points[::EVERY] - T.p) @ T.R
+        self._eye = (eye - T.p) @ T.R
         place, fixed = self._match(seen, self._begun(seen, place, rolled, now.time_s), now.time_s)
         _add(seen, place, now.time_s, FORGOTTEN_S, MOST_HITS, self._map)
         found = _Compared(now.time_s, rolled, place, _flat(T), fixed)
@@ -239,7 +252,15 @@ class SlipMonitor:
         """Return how many points (n, 3) fit at a place (3,), normal matrix and gradient of that."""
         normal, gradient = np.empty((3, 3)), np.empty(3)
         count = _linearise(
-            seen, place, time_s, FORGOTTEN_S, self._map, normal, gradient, self._used_s
+            seen,
+            self._eye,
+            place,
+            time_s,
+            FORGOTTEN_S,
+            self._map,
+            normal,
+            gradient,
+            self._used_s,
         )
         return count, normal, gradient
 
@@ -261,6 +282,9 @@ class SlipMonitor:
             normal = fixed @ normal @ fixed / SIGMA**2
             pull = fixed @ gradient / SIGMA**2 - weight @ (place - start)
             place = place + fixed @ np.linalg.solve(normal + weight, pull)
+        unseen_s = math.inf if self._fixed is None else time_s - self._fixed.time_s
+        if np.abs(place - start).max() > DRIFT * unseen_s + OFF:
+            return start, False
         self._spread = np.linalg.inv(normal + weight)
         return place, known.shape[1] == len(start)
 
@@ -328,8 +352,15 @@ def _carried(a: Array, way: Array) -> Array:
 
 # --- the map ---------------------------------------------------------------------------------
 # A cell's fields: hits, mean x and y, sums of squares xx, xy, yy about the mean, time of the last
-# hit, and the column's own numbers, by which it is known from another that is SIDE farther on.
-FIELDS: Final = 9
+# hit, the column's own numbers, by which it is known from another that is SIDE farther on, mean z,
+# sums of products xz, yz, zz.
+#
+# The top of a step and the underside of a lintel have no line of their own: what a scan draws on
+# them moves as the scanner turns or comes on, and looks like a wall that goes along. Only level
+# rays cannot meet them; elsewhere a line is a wall's where it was met at different heights lately.
+FIELDS: Final = 13
+MOMENTS: Final = (1, 2, 3, 4, 5, 9, 10, 11, 12)
+SQUARES: Final = (3, 4, 5, 10, 11, 12)
 
 
 @compiled(MATRIX, VECTOR, NUMBER, NUMBER, NUMBER, STACK)
@@ -352,27 +383,32 @@ def _add(
         if time_s - cells[i, j, f + 6] > forgotten_s:
             cells[i, j, f] = 0.0
         if cells[i, j, f] == 0.0:
-            for e in range(1, 6):
+            for e in MOMENTS:
                 cells[i, j, f + e] = 0.0
         n = cells[i, j, f] + 1.0
         if n > most:  # older ones count for less
-            for e in range(3, 6):
+            for e in SQUARES:
                 cells[i, j, f + e] *= (most - 1.0) / cells[i, j, f]
             n = most
-        dx, dy = x - cells[i, j, f + 1], y - cells[i, j, f + 2]
+        dx, dy, dz = x - cells[i, j, f + 1], y - cells[i, j, f + 2], pz - cells[i, j, f + 9]
         cells[i, j, f + 1] += dx / n
         cells[i, j, f + 2] += dy / n
+        cells[i, j, f + 9] += dz / n
         keep = (n - 1.0) / n
         cells[i, j, f + 3] += keep * dx * dx
         cells[i, j, f + 4] += keep * dx * dy
         cells[i, j, f + 5] += keep * dy * dy
+        cells[i, j, f + 10] += keep * dx * dz
+        cells[i, j, f + 11] += keep * dy * dz
+        cells[i, j, f + 12] += keep * dz * dz
         cells[i, j, f], cells[i, j, f + 6] = n, time_s
         cells[i, j, f + 7], cells[i, j, f + 8] = a, b
 
 
-@compiled(MATRIX, VECTOR, NUMBER, NUMBER, STACK, TABLE, ROW, TABLE)
+@compiled(MATRIX, VECTOR, VECTOR, NUMBER, NUMBER, STACK, TABLE, ROW, TABLE)
 def _linearise(
     points: Array,
+    eye: Array,
     place: Array,
     time_s: float,
     forgotten_s: float,
@@ -412,6 +448,11 @@ def _linearise(
             continue
         turn = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         nx, ny = -np.sin(turn), np.cos(turn)
+        level = np.abs(pz - eye[2]) < LEVEL * np.hypot(px - eye[0], py - eye[1])
+        zz = cells[i, j, f + 12] / n
+        leans = np.abs(nx * cells[i, j, f + 10] + ny * cells[i, j, f + 11]) / n
+        if not level and (zz < UPRIGHT * UPRIGHT or leans > LEANS * zz):
+            continue
         off = nx * (x - cells[i, j, f + 1]) + ny * (y - cells[i, j, f + 2])
         u = off / CAPTURE
         if u * u >= 1.0:

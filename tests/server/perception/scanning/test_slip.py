@@ -80,6 +80,19 @@ def test_along_a_bare_corridor_nothing_is_said() -> None:
     assert rover.slips_s is None
 
 
+@pytest.mark.parametrize("speed", [0.05, 0.1])
+@pytest.mark.parametrize("underside", [0.95, 1.1])
+def test_what_a_scan_draws_under_a_lintel_is_no_wall_that_comes_along(
+    underside: float, speed: float
+) -> None:
+    """It goes along with the sweep, and with the base."""
+    lintel = box("lintel", (2.0, 0.0, underside + 0.5), (0.6, 1.2, 0.5))
+    rover = Slipping((*SIDES, lintel))
+    rover.speed = speed
+    rover.go(3.0)
+    assert rover.slips_s is None
+
+
 @pytest.mark.parametrize("boxes", [ROOM, ()], ids=["room", "empty"])
 @pytest.mark.parametrize("walking", [SPEED, -1.0])
 def test_somebody_who_walks_by_or_along_is_no_slip(
