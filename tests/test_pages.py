@@ -20,9 +20,10 @@ CHANGES = "CHANGELOG.md"
 CODE = re.compile(r"`[^`]*`")
 LINK = re.compile(r"\]\((?!https?:)([^)\s]*)\)")
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|js|toml|urdf|md))`")
-FOLDER = re.compile(rf"`((?:{'|'.join(FOLDERS)})(?:/[\w.-]+)*)/`")
-STANDS_FOR = ("NAME", "RUN", "out/", "runs/", "demo.numpy/")
-"""Parts of names that stand for others, or that a command makes."""
+FOLDER = re.compile(r"`((?!(?:cmd|sensor|operator|tlm)/)[\w.-]+(?:/[\w.-]+)*/)`")
+"""Keys of topics that begin alike are no folders."""
+STANDS_FOR = ("NAME", "RUN", "out/", "runs/", "demo.numpy/", ".namespace/", "vendor/")
+"""Parts of names that stand for others, are links, or that a command makes."""
 
 
 def anchors(page):
@@ -49,7 +50,7 @@ def test_every_link_leads_to_a_file_and_a_heading(page):
 )
 def test_every_file_and_folder_that_a_page_names_is_there(page):
     text = page.read_text(encoding="utf-8")
-    named = [name for name in FILE.findall(text) if not any(s in name for s in STANDS_FOR)]
-    named += FOLDER.findall(text)
+    found = [*FILE.findall(text), *FOLDER.findall(text)]
+    named = [name.rstrip("/") for name in found if not any(s in name for s in STANDS_FOR)]
     lost = [name for name in named if not any(path.endswith(f"/{name}") for path in THERE)]
     assert lost == []
