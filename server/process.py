@@ -67,7 +67,7 @@ PRIORITY = 60
 
 LOCKED_S = 1e-3
 """Python's own 5 ms make a tick half a period late; less lets others interrupt each tick [s]."""
-_LOCKED_S = sys.getswitchinterval()
+_PYTHONS_S = sys.getswitchinterval()
 
 _MCL_CURRENT_AND_FUTURE = 3
 
@@ -140,7 +140,7 @@ def let_sleep() -> None:
 def release() -> None:
     """Give back what `prepare` took, before the process ends."""
     let_sleep()
-    sys.setswitchinterval(_LOCKED_S)
+    sys.setswitchinterval(_PYTHONS_S)
     gc.unfreeze()
     gc.enable()
 

@@ -1,6 +1,8 @@
 """What the loop asks of the machine is held while it runs, and told where it is refused."""
 
 import struct
+import subprocess
+import sys
 
 import pytest
 from telerobot.server import process
@@ -36,3 +38,16 @@ def test_a_machine_whose_processors_do_not_sleep_is_asked_for_nothing(asked, mon
     monkeypatch.setattr(process, "_SLEEPING", asked)
     assert process.stay_awake() == ""
     assert not asked.exists()
+
+
+def test_other_threads_give_the_interpreters_lock_back_soon_while_the_loop_runs():
+    """In a process of its own: it takes real time and locks memory, where it is granted."""
+    code = (
+        "from sys import getswitchinterval as f\n"
+        "from telerobot.server.process import prepare, release\n"
+        "before = f(); prepare(); during = f(); release(); print(before, during, f())"
+    )
+    told = subprocess.check_output([sys.executable, "-c", code], text=True)
+    before, during, after = map(float, told.split())
+    assert during == pytest.approx(process.LOCKED_S)
+    assert during < before == after
