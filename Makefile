@@ -68,7 +68,7 @@ test: venv ## The quick tests in parallel, then a few with processes and in the 
 	@$(BIN)/pytest -q -m smoke
 
 test-all: venv ## All tests: in parallel, then those that start processes, then the browser's
-	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS)
+	@$(BIN)/pytest -q -m "not hil and not browser" -n $(JOBS) $(ARGS)
 	@$(BIN)/pytest -q -m "hil and not alone" -n $(HIL_JOBS)
 	@$(BIN)/pytest -q -m "hil and alone"
 	@$(BIN)/pytest -q -m browser

@@ -2,8 +2,10 @@
 
 import gc
 import os
+import random
 import resource
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass
@@ -25,6 +27,8 @@ SLOW_S, FAST_S = 0.4, 5.0
 """A test that is measured above the first is slow; one that is not may cost the second [CPU s]."""
 MAY = {"slow", "hil", "browser"}
 """Marks of tests that may cost more; those of processes wait, and are not measured."""
+
+_began_s = time.monotonic()
 
 if sys.dont_write_bytecode:
     # Each worker would spend more on rewriting all tests' asserts than on collecting them.
@@ -69,6 +73,17 @@ def _cpu_s() -> float:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--measure", action="store_true", help=f"write {SLOW.name} by this run's cost")
+    parser.addoption(
+        "--until",
+        type=float,
+        metavar="S",
+        help="leave slow tests out that would begin after so long",
+    )
+    parser.addoption(
+        "--order",
+        metavar="SEED",
+        help="slow tests come last, their files as this text shuffles them",
+    )
 
 
 @pytest.hookimpl(wrapper=True)
@@ -98,6 +113,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if slow.intersection(_names(item)):
             item.add_marker("slow")
+    if (seed := config.option.order) is not None:
+
+        def last(item: pytest.Item) -> float:
+            file = item.nodeid.partition("::")[0]
+            slow = item.get_closest_marker("slow") is not None
+            return random.Random(f"{seed} {file}").random() if slow else -1.0
+
+        items.sort(key=last)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    until_s = item.config.option.until
+    late = until_s is not None and time.monotonic() - _began_s > until_s
+    if late and item.get_closest_marker("slow"):
+        pytest.skip(f"{until_s:.0f} s are over: the rest of the slow tests is left out")
 
 
 def _names(item: pytest.Item) -> tuple[str, str]:

@@ -98,3 +98,30 @@ def test_tests_of_rooms_that_were_not_measured_stay_as_slow_as_they_were(request
     before = ["tests/a.py::gone", "tests/b.py::one", "tests/b.py::two[x]"]
     costs = {"tests/a.py::f[1]": 2.0, "tests/a.py::f[2]": 0.1, "tests/a.py::g[1]": 9.0}
     assert slow_names(costs, before) == ["tests/a.py::f[1]", "tests/a.py::g", *before[1:]]
+
+
+def test_slow_tests_that_would_begin_too_late_are_left_out_and_counted():
+    told = _pytest("--until", "0", "-rs", "-m", "slow", "tests/drivers/test_scanner.py")
+    assert "SKIPPED [1]" in told
+    assert "0 s are over" in told
+
+
+def test_slow_tests_come_last_and_their_files_in_the_order_of_a_text():
+    files = [str(path.relative_to(ROOT)) for path in (ROOT / "tests/simulation/units").glob("*.py")]
+    orders = []
+    for seed in ("one", "other"):
+        told = _pytest("--collect-only", "--order", seed, *files).splitlines()
+        orders.append([name for name in told if "::" in name])
+    slow = set((ROOT / "tests/slow.txt").read_text().splitlines())
+    last = [bool({name, name.partition("[")[0]} & slow) for name in orders[0]]
+    assert last == sorted(last)
+    assert orders[0] != orders[1]
+    assert sorted(orders[0]) == sorted(orders[1])
+
+
+def _pytest(*arguments):
+    ran = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", *arguments],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return ran.stdout
