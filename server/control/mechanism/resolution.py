@@ -285,6 +285,12 @@ def bending_share(
 _TRAVEL = 0.4
 """A way home with less joint travel than this is not taken if the other has more [rad]."""
 
+_SWIFT = 1.0
+"""Commands above λm times this are damped in full; slower ones have half of it at most [rad/s]."""
+
+_LEAST_DAMPING = 0.25
+"""Part of λm with which the slowest commands are damped, so that noise moves nobody [1]."""
+
 _SHARED = 0.2
 """Motions whose curvatures differ by less than this part of the greatest share the way home [1]."""
 
@@ -353,7 +359,8 @@ class Resolved(NamedTuple):
 
 def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Resolved:
     """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
-    region, damping = p.singular_region, p.damping
+    region, asked = p.singular_region, math.sqrt(float(at.along @ at.along))
+    damping = max(_LEAST_DAMPING * p.damping, min(p.damping, asked / _SWIFT))
     least, n = float(at.sigma[len(at.V) - 1]), at.V.shape[1]
     way = _way_home(at, p, travel) if least < p.floor else None
     found = way or _WayHome(np.zeros(n), 0.0, False)
@@ -393,7 +400,9 @@ def _way_home(at: Directions, p: ResolveSection, travel: Travel | None) -> _WayH
 # --- Tool rates into joint rates: dq = J⁺ẋ + (I − J⁺J) z (Williams 1997, eqs. 2 and 7) ------------
 #
 # Exact away from singularities. Near one, damping grows smoothly as the singular value falls,
-# λᵢ² = λm² (1 − (σᵢ/σ₀)²), so nothing jumps, and |dq| ≤ |ẋ| / (2 λm √(1 − λm²/σ₀²)). Damping
+# λᵢ² = λm² (1 − (σᵢ/σ₀)²), so nothing jumps, and |dq| ≤ |ẋ| / (2 λm √(1 − λm²/σ₀²)). What is left
+# of a way to a goal beside a singularity would take minutes so: a slow command needs less, and λm
+# falls with its size (as Chan and Lawrence 1988 let it fall with the error), to a quarter. Damping
 # alone would let an arm creep ever closer to a singularity that bounds its workspace, such as
 # the stretched elbow, and then hold it there: at σ = 0 the joints hear nothing of a command to
 # come back. So the direction that a small singular value belongs to is looked at one derivative

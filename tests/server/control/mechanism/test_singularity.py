@@ -8,7 +8,7 @@ from telerobot.config.load import load_cell
 from telerobot.config.schema.cell import ResolveSection
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.resolution import resolve
-from telerobot.server.control.spatial import Pose
+from telerobot.server.control.spatial import Pose, pose_error
 
 from ..chains import CHAINS
 
@@ -117,3 +117,35 @@ def test_every_damping_that_is_allowed_keeps_its_bound(pa10, rng, damping, regio
         twist = 0.1 * rng.normal(size=6)
         dq = resolve(pa10.mechanism.kinematics(q, HERE).J, twist, p).dq
         assert np.linalg.norm(dq) <= bound(p) * np.linalg.norm(W @ twist) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("speed", [1e-5, 1e-3, 5e-3, 0.012, 0.02])
+def test_slow_commands_are_damped_less_and_joints_stay_slow(pa10, rng, speed):
+    """What they may be answered with never grows where the command shrinks."""
+    most = max(P.damping / 4.0, min(P.damping, speed))
+    allowed = speed / (2.0 * most * np.sqrt(1.0 - (most / P.singular_region) ** 2))
+    worst = 0.0
+    for _ in range(150):
+        q = pa10.random_posture(rng)
+        q[3], q[5] = rng.choice([0.0, 1e-3, 0.02, 0.1, 1.0]), rng.choice([0.0, 0.01, 0.05, 1.0])
+        J = pa10.mechanism.kinematics(q, HERE).J
+        U = np.linalg.svd(W @ J)[0]
+        for direction in (*U.T, *-U.T):
+            dq = resolve(J, np.linalg.solve(W, speed * direction), P).dq
+            worst = max(worst, float(np.linalg.norm(dq)))
+    assert 0.8 * allowed < worst <= allowed * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("bend", [0.02, 0.04])
+def test_what_is_left_of_a_way_is_gone_within_seconds_beside_the_wrists_singularity(ur5e, bend):
+    """Damped as a quick command is, more than 0.8 mm of it would be left after four seconds."""
+    goal = np.array([0.0, -1.2, 1.6, -1.5, bend, 0.0])
+    target = ur5e.mechanism.kinematics(goal, HERE).T_world_mrf
+    q, left = goal + np.array([0.0, 0.0, 0.0, 0.5, 0.0, -0.5]), []
+    for _ in range(400):
+        at = ur5e.mechanism.kinematics(q, HERE)
+        error = pose_error(target, at.T_world_mrf)
+        left.append(float(np.linalg.norm(W @ error)))
+        q = q + 0.01 * resolve(at.J, 4.0 * error, P).dq
+    assert left[0] > 0.04
+    assert left[-1] < 1e-4
