@@ -13,6 +13,8 @@ from telerobot.tools.bench.tick import settings_of
 from ..scenes import PeerScene, Thing
 from .contract import CLEARANCE, SELF_CLEARANCE, NoCommand
 
+MARGIN = 1e-3
+"""How much further out barriers stand: a kinematic plant gives way by nothing [m]."""
 FIELD = 1.0
 """Gain of the self-motion down the potential field [1/s]."""
 
@@ -27,6 +29,7 @@ class Telerobot:
                 "avoidance.enabled": True,
                 "avoidance.clearance": CLEARANCE,
                 "avoidance.self_clearance": SELF_CLEARANCE,
+                "avoidance.margin": MARGIN,
                 "avoidance.standing": "step_aside",
                 "obstacles": (),
                 "redundancy.field": FIELD,
@@ -71,6 +74,7 @@ class Telerobot:
         return {
             "cell": "as shipped",
             "clearance_m": CLEARANCE,
+            "margin_m": MARGIN,
             "barriers": "on",
             "standing": "step_aside",
             "field": FIELD,
