@@ -139,6 +139,7 @@ class Site:
         self.plant, self._browsers = plant, browsers
         self.console = Console(plant.cell)
         self._contexts = []
+        self._repeats = False
 
     def page(self, key=SECRET, name="ann", host=HOST, script="", drawn=False, **context):
         """Return a page that has come in, and shows a state; its scene only if `drawn`."""
@@ -213,6 +214,7 @@ class Site:
         deadline_s = time.monotonic() + PATIENCE_S
         while not done():
             self.plant.turn()
+            assert not (self._repeats and self.lost_the_lease()), f"{why}: the lease is lost"
             assert time.monotonic() < deadline_s, f"{why}; {self.plant.told()}"
 
     def soon(self, done):
@@ -252,11 +254,33 @@ class Site:
         """Return whether the daemon has told that a page which held something said nothing."""
         return bool(SILENT & set(self.events()))
 
+    def undisturbed(self, turn):
+        """Do something; anew from its beginning where the page lost its lease meanwhile.
+
+        A page that a busy machine keeps silent for too long loses it, and is refused from then on.
+        """
+        self._repeats = True
+        try:
+            for _ in range(TRIES):
+                self.forget()
+                try:
+                    return turn()
+                except Exception:  # a button that is offered no more, too
+                    if not self.soon(self.lost_the_lease):
+                        raise
+        finally:
+            self._repeats = False
+        raise AssertionError(f"the page lost the lease {TRIES} times; {self.plant.told()}")
+
     def until_moving(self):
         self.until(lambda: self.speed() > 0.01, "the arm does not move")
 
     def until_still(self):
         self.until(lambda: self.speed() < 0.002, "the arm does not stop")
+
+    def lost_the_lease(self):
+        """Return whether the daemon has told that a lease ran out."""
+        return "lease_expired" in self.events()
 
     def events(self):
         """Return the names of the daemon's events that the test's own operator has read."""

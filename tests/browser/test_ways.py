@@ -95,8 +95,12 @@ def test_what_is_held_moves_the_cell_and_what_is_let_go_of_stops_it(site_of, cel
     site = site_of(cell)
     page = site.enabled(**OPENED.get(way, {}))
     made = way(page)
-    site.hold_by(page, made.begin, made.end)
-    made.end()
-    site.until_still()
-    assert site.mode(page) == "enabled"
+
+    def hold_and_let_go():
+        site.hold_by(page, made.begin, made.end)
+        made.end()
+        site.until_still()
+        assert site.mode(page) == "enabled"
+
+    site.undisturbed(hold_and_let_go)
     assert page.errors == []
