@@ -36,6 +36,7 @@ HOSTILE = "<img src=x onerror=alert(1)><script>alert(2)</script>"
 PATIENCE_S = 180.0
 """Wall time after which something will never be; a limit for failures only [s]."""
 LEASE_S = 3.0
+"""How long the daemon here keeps the lease of a page that says nothing [s]."""
 TRIES = 5
 """So often a page may hang for so long that it loses the lease."""
 
