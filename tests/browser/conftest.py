@@ -37,6 +37,8 @@ PATIENCE_S = 180.0
 """Wall time after which something will never be; a limit for failures only [s]."""
 LEASE_S = 3.0
 """How long the daemon here keeps the lease of a page that says nothing [s]."""
+PICTURE_S = 2.0
+"""How long it believes a picture: a camera's process shares two cores with a Chromium [s]."""
 TRIES = 5
 """So often a page may hang for so long that it loses the lease."""
 
@@ -329,8 +331,8 @@ def plant_type():
 def site_of(browsers, tmp_path_factory):
     """Return what gives a cell with a console; one at a time, the last that was asked for.
 
-    Its lease lasts for longer than shipped, which tests on processes judge: without a graphics card
-    a page may stand still for a second.
+    Leases and pictures last for longer than shipped, which tests on processes judge: without a
+    graphics card a page, and the cameras beside it, may stand still for a second.
 
     Two would take all of a small machine. What a test left open is closed, and the arm comes to
     rest.
@@ -344,6 +346,8 @@ def site_of(browsers, tmp_path_factory):
         timing = f"[timing]\nlease_timeout_s = {LEASE_S}\n"
         text = re.sub(r"^lease_timeout_s = .*\n", "", path.read_text(), flags=re.M)
         text = re.sub(r"^\[timing\]\n", timing, text, flags=re.M)
+        vision = f"[sources.vision]\ntimeout_s = {PICTURE_S}\n"
+        text = re.sub(r"^\[sources\.vision\]\n", vision, text, flags=re.M)
         written = folder / path.name
         written.write_text(text if timing in text else f"{text}\n{timing}")
         return written
