@@ -6,8 +6,10 @@ Judged by the daemon's own count of overruns, against a quiet time of the same r
 """
 
 import math
+import os
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -80,3 +82,21 @@ def test_a_flood_costs_no_tick_no_memory_and_not_the_lease(plant, kinds):
     assert plant.truth.pose_mrf[2] - before == pytest.approx(
         0.0 if on_keepalives else 0.005, abs=2e-3
     )
+
+
+def test_two_floods_of_requests_on_a_busy_machine_stop_no_arm(plant):
+    """Four processes a core take the time they can; requests to change the mode come twice over."""
+    operator = plant.enabled_operator()
+    before = operator.state.overruns
+    arguments = [plant.cell.config.zenoh.listen, "pa10", "wellformed@operator/mode", str(RATE), "8"]
+    flood = [sys.executable, FLOODER, *arguments]
+    busy = [sys.executable, "-c", "while True: pass"]
+    with ExitStack() as ends:
+        for command in (*4 * os.cpu_count() * [busy], flood, flood):
+            child = ends.enter_context(subprocess.Popen(command, stdout=subprocess.DEVNULL))
+            ends.callback(child.kill)
+        plant.run_for(10.0)
+    plant.run_for(1.0)
+    assert (operator.state.mode, operator.state.protective_stop) == ("enabled", False)
+    assert operator.holds_lease
+    assert operator.state.overruns - before <= NOISE
