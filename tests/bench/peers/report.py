@@ -6,11 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .controllers.contract import CLEARANCE
 from .run import PeerResult
+
+KEPT = CLEARANCE - 1e-3
+"""A run kept what it was told to whose least clearance is greater: a barrier is linear in each
+period, and gives way by some tenths of a millimetre [m]."""
 
 LEGEND = (
     "Least clearance: true distance between the arm's shapes and things, between ticks too; all "
     "are told to keep 20 mm.",
+    "Kept: targets reached in runs whose least clearance is above 19 mm. Others had to leave what "
+    "is reached only by going nearer.",
     "Collisions: distances that fell below zero; in brackets those that the arm's own motion "
     "closed, the others ran into an arm.",
     "Off path: mean distance of the tool from the straight line to its target.",
@@ -21,7 +28,7 @@ LEGEND = (
 )
 
 COLUMNS = (
-    "scenes", "controller", "runs", "targets reached", "stuck", "collisions (own)",
+    "scenes", "controller", "runs", "targets reached", "kept", "stuck", "collisions (own)",
     "least clearance [mm]", "off path [mm]", "no command", "A [1]", "J [1]", "tick p50 / p99 [µs]",
 )  # fmt: skip
 
@@ -93,6 +100,7 @@ def _cells(part: list[dict[str, Any]]) -> tuple[str, ...]:
     return (
         str(len(part)),
         f"{total('reached')} of {total('targets')}",
+        str(sum(result["reached"] for result in part if result["clearance_m"] > KEPT)),
         str(total("stuck")),
         f"{total('collisions')} ({total('own_collisions')})",
         f"{least:.1f}",

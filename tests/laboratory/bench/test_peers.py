@@ -11,7 +11,8 @@ from laboratory.bench.peers.generator import COPIES, generate
 from laboratory.bench.peers.geometry import PeerGeometry
 from laboratory.bench.peers.labels import labelled
 from laboratory.bench.peers.reference import Reference
-from laboratory.bench.peers.run import run
+from laboratory.bench.peers.report import COLUMNS, as_json, rows
+from laboratory.bench.peers.run import PeerResult, run
 from laboratory.bench.peers.scenes import PeerScene, Target, Thing, read, write
 from telerobot.config.load import load_cell
 from telerobot.server.control.spatial import Pose, pose_error
@@ -193,6 +194,21 @@ def test_telerobot_reaches_targets_in_the_open_inside_all_its_bounds(cell, ready
     assert (result.reached, result.stuck, result.no_command) == (2, 0, 0)
     assert max(result.acceleration, result.jerk) <= 1.0
     assert result.off_path_m < 2e-3
+
+
+# --- the table -------------------------------------------------------------------------------
+
+
+def test_a_target_that_was_reached_by_going_nearer_than_told_counts_as_reached_and_not_as_kept():
+    def told(clearance_m, reached):
+        result = PeerResult("pink", 1, True, False, targets=2, tick_us=[1.0])
+        result.clearance_m, result.reached = clearance_m, reached
+        return as_json(result)
+
+    ((*_, cells),) = rows([told(0.0195, 2), told(0.0185, 1)])
+    assert dict(zip(COLUMNS[2:6], cells, strict=False)) == {
+        "runs": "2", "targets reached": "3 of 4", "kept": "2", "stuck": "0",
+    }  # fmt: skip
 
 
 # --- the command -----------------------------------------------------------------------------
