@@ -24,4 +24,5 @@ def test_force_control_on_a_sensor_four_times_as_noisy_shakes_no_wrist_that_is_n
     assert run.summary["mode"] == "enabled"
     assert abs(run.truths[-1].q[4] - NEARLY) < 0.01
     assert np.abs(rates).max() < 0.05
-    assert np.sqrt((rates**2).mean(axis=0)).max() < 0.015
+    # Between: of an arm without force control it would be nothing at all.
+    assert 0.003 < np.sqrt((rates**2).mean(axis=0)).max() < 0.015
