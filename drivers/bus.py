@@ -226,14 +226,14 @@ def frame_of(message: can.Message) -> Frame:
 
 def putting(bus: can.BusABC) -> Callable[[int, bytes], None]:
     """Return what sends standard data frames on a bus."""
-    if isinstance(bus, LoopbackBus):
+    if isinstance(bus, LoopbackBus | InProcessBus):
         return bus.put
     return lambda can_id, data: bus.send(message_of(can_id, data, 0.0))
 
 
 def taking(bus: can.BusABC) -> Callable[[float], Frame | None]:
     """Return what takes frames from a bus: the next one, None when none came in time [s]."""
-    if isinstance(bus, LoopbackBus):
+    if isinstance(bus, LoopbackBus | InProcessBus):
         return bus.take
 
     def take(timeout: float) -> Frame | None:
@@ -266,7 +266,7 @@ class Hub:
         self.time_s = 0.0
         self.pump: Callable[[], None] | None = None
         self.members: tuple[InProcessBus, ...] = ()
-        self.underway: deque[tuple[InProcessBus, can.Message]] = deque()
+        self.underway: deque[tuple[InProcessBus, Frame]] = deque()
         """Frames that are being handed on: the first to those after whom the others wait."""
 
     def join(self, member: "InProcessBus") -> None:
@@ -284,30 +284,31 @@ class Hub:
 
 
 class InProcessBus(can.BusABC):
-    """One member of a hub. Frames are shared, not copied: nobody changes one that was sent.
+    """One member of a hub. With `on_frame`, frames go to it instead of waiting for `take`."""
 
-    With `on_message`, frames go to it instead of waiting for `recv`.
-    """
-
-    def __init__(self, hub: Hub, on_message: Callable[[can.Message], None] | None = None) -> None:
+    def __init__(self, hub: Hub, on_frame: Callable[[Frame], None] | None = None) -> None:
         super().__init__("in_process")
         self.channel_info = "in_process"
         self.hub = hub
-        self._queue: deque[can.Message] = deque()
-        self.keep: Callable[[can.Message], None] = self._queue.append
-        """Lets a frame wait for `recv`."""
-        self.accept = on_message or self.keep
+        self._queue: deque[Frame] = deque()
+        self.keep: Callable[[Frame], None] = self._queue.append
+        """Lets a frame wait for `take`."""
+        self.accept = on_frame or self.keep
         """Takes a frame from the hub."""
         hub.join(self)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  python-can's
+        """Hand a frame to every other member at once, as `put` does."""
+        self.put(*frame_of(msg)[:2])
+
+    def put(self, can_id: int, data: bytes) -> None:
         """Hand a frame to every other member at once, in the order of joining.
 
         What a member sends while it is being handed a frame comes after that frame for everyone.
         """
         hub = self.hub
-        msg.timestamp, underway = hub.time_s, hub.underway
-        underway.append((self, msg))
+        underway = hub.underway
+        underway.append((self, (can_id, data, hub.time_s)))
         if len(underway) > 1:
             return
         try:
@@ -321,6 +322,11 @@ class InProcessBus(can.BusABC):
             underway.clear()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Return the next frame, as `take` does."""
+        frame = self.take(timeout)
+        return None if frame is None else message_of(*frame)
+
+    def take(self, timeout: float | None = 0.0) -> Frame | None:
         """Return the next frame; with none there, let the others run once, then try again.
 
         Never waits for the wall clock: None means that nothing came of the others' turn. With

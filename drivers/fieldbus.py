@@ -419,7 +419,7 @@ def open_buses(cell: Cell, clock: Callable[[], float]) -> Fieldbuses:
 
 PUMP_STEPS: Final = 500  # a device that is silent for this many physics steps does not answer [1]
 
-Heard = Callable[[int, can.Message], None]  # called with the index of the bus and every frame on it
+Heard = Callable[[int, Frame], None]  # called with the index of the bus and every frame on it
 
 
 class VirtualBuses:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from telerobot.config.schema.cell import TimingSection
 from telerobot.config.schema.mechanism import DriveSection, ForceTorqueSection
-from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.bus import Frame, Hub, InProcessBus
 from telerobot.drivers.canopen.servo import ServoDrive
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.drivers.force_torque import RobotousSensor
@@ -29,7 +29,7 @@ class PlayedDrive:
     """A drive as a test wants it: obeys NMT, SDO and PDOs; each refusal and silence is settable."""
 
     def __init__(self, hub: Hub) -> None:
-        self.bus = InProcessBus(hub, self.on_message)
+        self.bus = InProcessBus(hub, self.on_frame)
         self.objects: dict[tuple[int, int], bytes] = {
             (Object.SUPPORTED_MODES, 0): struct.pack("<I", 7 << 7)
         }
@@ -63,8 +63,8 @@ class PlayedDrive:
         self.nmt = NmtState.PRE_OPERATIONAL
         self.send(can301.heartbeat_id(NODE), bytes((NmtState.BOOT_UP,)))
 
-    def on_message(self, message: can.Message) -> None:
-        can_id, data = message.arbitration_id, bytes(message.data)
+    def on_frame(self, frame: Frame) -> None:
+        can_id, data, _ = frame
         if can_id == can301.NMT_ID and data[1] == NODE:
             self.on_nmt(data[0])
         elif can_id == can301.sdo_request_id(NODE) and self.answers_sdo:
@@ -127,14 +127,14 @@ class PlayedSensor:
 
     def __init__(self, hub: Hub, config: ForceTorqueSection) -> None:
         self.hub, self.config = hub, config
-        self.bus = InProcessBus(hub, self.on_message)
+        self.bus = InProcessBus(hub, self.on_frame)
         self.commands: list[tuple[robotous.SensorCommand, int]] = []
         self.starts = True
         self.sample = robotous.Sample((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 0, 0)
 
-    def on_message(self, message: can.Message) -> None:
-        if message.arbitration_id == self.config.command_id:
-            command = robotous.parse_command(bytes(message.data))
+    def on_frame(self, frame: Frame) -> None:
+        if frame[0] == self.config.command_id:
+            command = robotous.parse_command(frame[1])
             self.commands.append(command)
             if command[0] is robotous.SensorCommand.START and self.starts:
                 self.send()

@@ -25,7 +25,7 @@ def bench():
     """A driver and the module that it hears, with two contacts."""
     found, hub = SimpleNamespace(now=0.0), Hub()
     config = EnablingSwitchSection(node=NODE, inputs=(2, 5))
-    bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
+    bus = InProcessBus(hub, lambda frame: found.node.link.deliver(*frame[:2]))
     link = NodeLink(Wire("bus", bus), lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
     found.driver = EnablingInput(

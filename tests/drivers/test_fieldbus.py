@@ -8,7 +8,7 @@ from typing import Any
 import can
 import pytest
 from canopen.sdo.exceptions import SdoCommunicationError
-from telerobot.drivers.bus import Hub, InProcessBus, LoopbackBus
+from telerobot.drivers.bus import Frame, Hub, InProcessBus, LoopbackBus
 from telerobot.drivers.device import Cause
 from telerobot.drivers.fieldbus import Fieldbus
 from telerobot.protocols.canopen import can301, cia402
@@ -93,10 +93,10 @@ def test_our_own_frames_are_no_second_master(cell: Any) -> None:
 
 
 class BrokenBus(InProcessBus):
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+    def put(self, can_id: int, data: bytes) -> None:
         raise can.CanOperationError("cable cut")
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
+    def take(self, timeout: float | None = 0.0) -> Frame | None:
         raise can.CanOperationError("cable cut")
 
     def shutdown(self) -> None:
@@ -139,8 +139,8 @@ def test_an_answer_that_needs_the_others_to_run_is_waited_for(cell: Any) -> None
     cell.played.bus.accept = cell.played.bus.keep
 
     def run_the_node() -> None:
-        while (message := cell.played.bus.recv(0)) is not None:
-            cell.played.on_message(message)
+        while (frame := cell.played.bus.take()) is not None:
+            cell.played.on_frame(frame)
 
     cell.hub.pump = run_the_node
     data = cell.fieldbus.network[5].sdo.upload(0x6502, 0)
@@ -259,9 +259,9 @@ def test_a_reply_that_is_too_short_is_none(cell: Any) -> None:
     cell.played.answers_sdo = False
     ask = cell.played.bus.accept
 
-    def answer_shortly(message: can.Message) -> None:
-        ask(message)
-        if message.arbitration_id == can301.sdo_request_id(5):
+    def answer_shortly(frame: Frame) -> None:
+        ask(frame)
+        if frame[0] == can301.sdo_request_id(5):
             for length in range(8):
                 cell.played.send(can301.sdo_reply_id(5), bytes(length))
 

@@ -41,7 +41,7 @@ def make(hub, closed):
     found = SimpleNamespace(grasps=[], sent=[], now=0.0)
     config = GripperSection(node=NODE, output=OUTPUT, closed=closed)
     clock = lambda: found.now  # noqa: E731
-    bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
+    bus = InProcessBus(hub, lambda frame: found.node.link.deliver(*frame[:2]))
     link = NodeLink(Wire("bus", bus), clock, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), clock)
     found.driver = GripperOutput(found.fieldbus, config, TimingSection(), EDS)

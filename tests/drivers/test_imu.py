@@ -25,7 +25,7 @@ VALUES = ("ax", "ay", "az", "wx", "wy", "wz")
 def bench_of(config):
     """Return a driver and the node that it hears; `felt` and `turned` are the link's motion."""
     found, hub = SimpleNamespace(now=0.0, felt=FELT, turned=TURNED), Hub()
-    bus = InProcessBus(hub, lambda f: found.node.link.deliver(f.arbitration_id, bytes(f.data)))
+    bus = InProcessBus(hub, lambda frame: found.node.link.deliver(*frame[:2]))
     link = NodeLink(Wire("bus", bus), lambda: found.now, np.random.default_rng(1))
     found.fieldbus = Fieldbus(InProcessBus(hub), lambda: found.now)
     found.driver = Imu(found.fieldbus, config, TimingSection(), IMU_EDS, "imu")

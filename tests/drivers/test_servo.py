@@ -4,8 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from telerobot.drivers.bus import Frame, InProcessBus
 from telerobot.drivers.device import Cause
 from telerobot.drivers.fieldbus import Fieldbuses
+from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import EmcyCode, NmtState
 from telerobot.protocols.canopen.cia402 import Controlword, DriveState, Status
 from telerobot.server.plant import Plant
@@ -337,13 +339,10 @@ def test_an_answer_after_a_missing_one_may_be_to_either_sync(cell: Any, plant: P
 
 
 def test_a_sync_that_took_long_to_send_went_out_nobody_knows_when(cell: Any, plant: Plant) -> None:
-    send = cell.fieldbus.bus.send
+    def slow(frame: Frame) -> None:
+        cell.hub.time_s += 0.001 if frame[0] == can301.SYNC_ID else 0.0
 
-    def late(message: Any, timeout: float | None = None) -> None:
-        cell.hub.time_s += 0.001
-        send(message, timeout)
-
-    cell.fieldbus.bus.send = late
+    listener = InProcessBus(cell.hub, slow)
     assert sampled_s(cell, plant) is None
-    cell.fieldbus.bus.send = send
+    listener.shutdown()
     assert sampled_s(cell, plant) == cell.hub.time_s

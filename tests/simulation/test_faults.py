@@ -298,7 +298,7 @@ def test_what_the_gate_refuses_is_never_sent_and_ends_in_a_quick_stop(pa10):
 
 
 def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
-    from telerobot.drivers.bus import CanMessage, InProcessBus
+    from telerobot.drivers.bus import InProcessBus
 
     script = Script.model_validate({"duration_s": 2.0, "step": [MOVING]})
     simulation = Simulation(pa10, script)
@@ -306,7 +306,7 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
 
     def intrude(s):
         if s.cycle.tick == 120:
-            intruder.send(CanMessage(arbitration_id=0x80, is_extended_id=False))
+            intruder.put(0x80, b"")
 
     simulation.on_tick = intrude
     result = simulation.run()
@@ -319,7 +319,7 @@ def test_a_second_master_on_the_bus_quick_stops_the_arm(pa10):
 @pytest.mark.parametrize("first", [False, True], ids=["after", "before"])
 def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, first):
     """Nobody knows which of the two is true: the stop needs neither, and a reset waits for one."""
-    from telerobot.drivers.bus import CanMessage, InProcessBus
+    from telerobot.drivers.bus import InProcessBus
 
     script = Script.model_validate(
         {
@@ -331,13 +331,13 @@ def test_a_second_sender_of_a_drives_answers_quick_stops_the_arm(pa10, off, firs
     tpdo = can301.tpdo1_id(pa10.config.mechanism.drives[3].node)
     newest = {}
 
-    def on_bus(message):
-        if message.arbitration_id == tpdo:
-            newest[tpdo] = cia402.unpack_feedback(bytes(message.data))
-        if message.arbitration_id == (0x80 if first else tpdo) and len(newest) and on:
+    def on_bus(frame):
+        if frame[0] == tpdo:
+            newest[tpdo] = cia402.unpack_feedback(frame[1])
+        if frame[0] == (0x80 if first else tpdo) and len(newest) and on:
             told = newest[tpdo]
             data = cia402.FEEDBACK.pack(told.statusword, told.position + off, told.torque)
-            spoofer.send(CanMessage(arbitration_id=tpdo, data=data, is_extended_id=False))
+            spoofer.put(tpdo, data)
 
     on = []
     spoofer = InProcessBus(simulation.buses.hubs[0], on_bus)

@@ -113,7 +113,7 @@ class Observer:
         self.max_acceleration_ratio = 0.0
         self.syncs = 0
 
-    def frame(self, time_s: float, can_id: int, data: bytes | bytearray, bus: int = 0) -> None:
+    def frame(self, time_s: float, can_id: int, data: bytes, bus: int = 0) -> None:
         """Take in one frame, stamped in seconds, of the cell's bus of that index."""
         joints = self._on_bus[bus]
         if can_id == _SYNC:

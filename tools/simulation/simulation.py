@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...config.load import Cell, ConfigError, load_cell
-from ...drivers.bus import CanMessage
+from ...drivers.bus import Frame
 from ...drivers.device import DeviceError
 from ...drivers.fieldbus import VirtualBuses
 from ...drivers.rig.cameras import RenderedCameras, SimulatedCameras
@@ -81,8 +81,8 @@ def contact_force(truths: Sequence[RigTruth], period_s: float) -> float:
     return max(sums, default=0.0) / max(len(late), 1)
 
 
-def _record(recorder: Recorder, bus: int, message: CanMessage) -> None:
-    time_s, can_id, data = message.timestamp, message.arbitration_id, bytes(message.data)
+def _record(recorder: Recorder, bus: int, frame: Frame) -> None:
+    can_id, data, time_s = frame
     recorder.frame(time_s, can_id, data, sent=False, bus=bus)
 
 
@@ -244,9 +244,10 @@ class Simulation:
 
     # --- listening ---------------------------------------------------------------------------
 
-    def _on_frame(self, bus: int, message: CanMessage) -> None:
+    def _on_frame(self, bus: int, frame: Frame) -> None:
         """Every frame on a bus, whoever sent it."""
-        self.observer.frame(message.timestamp, message.arbitration_id, message.data, bus)
+        can_id, data, time_s = frame
+        self.observer.frame(time_s, can_id, data, bus)
 
     def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
         self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)

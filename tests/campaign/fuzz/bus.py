@@ -30,7 +30,7 @@ def play(seed: int) -> Outcome:
     stick = {"at_s": 0.3, "cmd/joystick": {"twist": [0.0, 0.03, 0.02, 0.0, 0.0, 0.1]}}
     script = Script.model_validate({"duration_s": SECONDS, "step": [stick]})
     simulation = Simulation(cell, script, cameras=Blind)
-    stranger = InProcessBus(simulation.buses.hubs[0], lambda _message: None)
+    stranger = InProcessBus(simulation.buses.hubs[0], lambda _frame: None)
     first_bus = cell.config.fieldbuses[0].name
     on_it = [entry.section for entry in cell.devices if entry.bus == first_bus]
     nodes = [section.node for section in on_it if isinstance(section, DriveSection)]

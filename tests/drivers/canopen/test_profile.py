@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 
-import can
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.drivers.device import DeviceError
@@ -79,7 +78,7 @@ def _switch_on(bench: OnABus) -> None:
 
 
 def _another_master(bench: OnABus) -> None:
-    bench.bus.accept(can.Message(arbitration_id=can301.SYNC_ID, is_extended_id=False))
+    bench.bus.accept((can301.SYNC_ID, b"", 0.0))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, altered
 from telerobot.config.schema.bus import BusSection
-from telerobot.drivers.bus import Hub, InProcessBus
+from telerobot.drivers.bus import Frame, Hub, InProcessBus
 from telerobot.drivers.rig.rig import Rig
 from telerobot.protocols.canopen import can301
 from telerobot.protocols.canopen.can301 import EmcyCode
@@ -171,15 +171,15 @@ class DownBus(InProcessBus):
 
     down = True
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+    def put(self, can_id: int, data: bytes) -> None:
         if self.down:
             raise can.CanOperationError("Network is down")
-        super().send(msg, timeout)
+        super().put(can_id, data)
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
+    def take(self, timeout: float | None = 0.0) -> Frame | None:
         if self.down:
             raise can.CanOperationError("Network is down")
-        return super().recv(timeout)
+        return super().take(timeout)
 
 
 def test_a_rig_lives_through_an_interface_that_is_down(cell: Cell) -> None:

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 from telerobot.config.load import altered
-from telerobot.drivers.bus import CanMessage, InProcessBus
+from telerobot.drivers.bus import InProcessBus
 from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
 from telerobot.protocols.canopen.cia402 import Controlword, Object, OperationMode
 from telerobot.tools.scripts.script import Script
@@ -25,8 +25,7 @@ class OtherMaster:
         self.simulation, self.bus = simulation, InProcessBus(simulation.buses.hubs[0])
 
     def send(self, can_id, data=b""):
-        message = CanMessage(arbitration_id=can_id, data=bytes(data), is_extended_id=False)
-        self.bus.send(message)
+        self.bus.put(can_id, bytes(data))
         self.simulation.rig.poll()
 
     def write(self, index, subindex, layout, value):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.bus import BusSection
+from telerobot.drivers.bus import InProcessBus
 from telerobot.tools.checks.findings import Severity
 from telerobot.tools.checks.judge import judge
 from telerobot.tools.scripts.script import Script, load_script
@@ -78,17 +79,22 @@ def test_the_other_bus_hears_the_stop_a_period_after_the_sync_that_nobody_answer
     assert fault.time_s - run.simulation.player.start_s - 1.2 == pytest.approx(0.01, abs=1e-6)
 
 
-def test_a_bus_whose_interface_fails_stops_the_drives_of_the_other(split):
+def test_a_bus_whose_interface_fails_stops_the_drives_of_the_other(split, monkeypatch):
+    down, put = set(), InProcessBus.put
+
+    def failing(bus, can_id, data):
+        if bus in down:
+            raise can.CanOperationError("Network is down [Error Code 100]")
+        put(bus, can_id, data)
+
+    monkeypatch.setattr(InProcessBus, "put", failing)
     script = Script.model_validate({"duration_s": 2.5, "step": [MOVING]})
     simulation = Simulation(split, script)
     left, right = simulation.cycle.plant.buses
 
-    def fail(_message, timeout=None):
-        raise can.CanOperationError("Network is down [Error Code 100]")
-
     def on_tick(now):
         if now.player.start_s is not None and now.clock.time_s > now.player.start_s + 1.2:
-            right.bus.send = fail
+            down.add(right.bus)
 
     simulation.on_tick = on_tick
     run = Run(simulation, simulation.run())

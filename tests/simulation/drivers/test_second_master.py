@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from telerobot.drivers.bus import CanMessage, InProcessBus
+from telerobot.drivers.bus import InProcessBus
 from telerobot.protocols.canopen.can301 import NMT_ID, SYNC_ID, NmtCommand, sdo_request_id
 from telerobot.protocols.canopen.cia402 import Controlword, Object, OperationMode
 from telerobot.tools.scripts.script import Script
@@ -40,8 +40,7 @@ class OtherMaster:
             self.send(can_id, data)
 
     def send(self, can_id, data):
-        message = CanMessage(arbitration_id=can_id, data=data, is_extended_id=False)
-        self.bus.send(message)
+        self.bus.put(can_id, data)
 
 
 def simulation_of(cell, *steps, seconds):
@@ -97,10 +96,10 @@ def test_a_reset_that_the_other_master_speaks_into_fails_at_once_and_the_next_on
     other.at(0.5, SYNC_ID, ())
     spoken = []
 
-    def interrupt(message):
-        asked = message.arbitration_id == sdo_request_id(7) and not spoken
+    def interrupt(frame):
+        asked = frame[0] == sdo_request_id(7) and not spoken
         if asked and simulation.clock.time_s > simulation.player.start_s + 1.4 > 1.5:
-            spoken.append(message)
+            spoken.append(frame)
             other.send(SYNC_ID, b"")
 
     InProcessBus(simulation.buses.hubs[0], interrupt)

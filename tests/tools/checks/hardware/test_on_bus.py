@@ -2,7 +2,6 @@
 
 import json
 
-import can
 import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.bus import NodeIdentitySection
@@ -105,8 +104,7 @@ def test_a_drive_in_fault_or_under_power_is_told(bench):
 
 
 def test_beside_another_master_nothing_is_asked(bench):
-    frame = can.Message(arbitration_id=can301.SYNC_ID, is_extended_id=False)
-    bench.bus.accept(frame)
+    bench.bus.accept((can301.SYNC_ID, b"", 0.0))
     with pytest.raises(DeviceError, match="someone else sent 0x080"):
         listen_for_masters(bench.fieldbus)
     assert bench.sent == []
