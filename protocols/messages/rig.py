@@ -22,7 +22,8 @@ class RigFault(Message):
     `drop` and `corrupt`, seconds for `delay`, friction for `slip` of a wheel, rad/s for `bias` of
     an inertial unit. `vector` is in World: the force [N] at the joint's link for `push` or at the
     MRF for `hand` (whose `value` is how long it takes to come and go [s]), the new place [m] for
-    `move` and `place`.
+    `move` and `place`. In the axes of a force/torque sensor it is the force [N] that its zero is
+    off by, for `bias`; `value` is how long that takes to come [s].
     """
 
     kind: Literal[
@@ -117,7 +118,7 @@ def vector_of(fault: RigFault, most: float, unit: str) -> NDArray[np.float64]:
     Raises `ValueError`, in one line, for none, and for one beyond `most` along an axis.
     """
     if fault.vector is None:
-        raise ValueError(f"fault {fault.kind}: give its vector [{unit}], in World")
+        raise ValueError(f"fault {fault.kind}: give its vector [{unit}]")
     for x in fault.vector:
         if not abs(x) <= most:
             raise ValueError(

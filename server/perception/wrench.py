@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from ...config.schema.mechanism import ForceTorqueSection
 from ...config.schema.sources import FollowingSection
 from ...drivers.device import Cause
 from ..commands.settings import OperatorSettings
+from ..control.inputs import STILL as STILL_DRIVE
 from ..control.inputs import Payload
 from ..control.spatial import GRAVITY, Array, Pose, cross, rotation_log, sizes
 from ..control.state import Output
@@ -51,11 +52,11 @@ LONGEST = 0.5
 """Centres of mass of tools are nearer to the sensor [m]."""
 
 
-def others_ask(twists: Mapping[str, Array]) -> bool:
-    """Return whether sources other than those of the sensor ask for motion; `twists` by source."""
+def others_ask(twists: Mapping[str, Array], than: Collection[str] = WRENCH_SOURCES) -> bool:
+    """Return whether other sources than these ask for motion; `twists` by source."""
     asked = np.zeros(6)
     for name, twist in twists.items():
-        if name not in WRENCH_SOURCES:
+        if name not in than:
             asked += twist
     return bool((np.abs(asked) > ASKED).any())
 
@@ -199,6 +200,20 @@ class WrenchMark:
     directions: Array
     """Unit vectors of both in World (2, 3)."""
 
+    def backed(self, T: Pose) -> Array:
+        """Return how far a tool at a pose has given way to either (2,) [m, rad]."""
+        way, turn = T.p - self.T.p, rotation_log(T.R @ self.T.R.T)
+        return -np.array([way @ self.directions[0], turn @ self.directions[1]])
+
+    def changed(self, now: "WrenchMark", grown: Array) -> Array:
+        """Return by how much force and moment have changed (2,) [N, N·m].
+
+        Apart from what either has grown by, up to `grown` (2,).
+        """
+        off = now.sizes[:, None] * now.directions - self.sizes[:, None] * self.directions
+        more = np.clip((off * self.directions).sum(axis=1), 0.0, grown)
+        return np.asarray(np.sqrt(((off - more[:, None] * self.directions) ** 2).sum(axis=1)))
+
 
 class AveragedWrench:
     """Average of the newest wrenches; below `bounds` (2,) [N, N·m] the tool counts as unloaded."""
@@ -259,6 +274,11 @@ class AveragedWrench:
 # `load_unexplained`, and those sources wait until the sensor is tared, the payload is told, or
 # an operator acknowledges. Meanwhile the size of what is measured stands for contact: no
 # attitude changes that.
+#
+# Less than these bounds is force control's to answer, and so is what comes later. Of a sensor's
+# zero that drifts, or of a little load, it would be answered for ever: 3 N lead a tool by 2 mm/s.
+# So what alone has led the tool by a step, and has stayed the same for as long as no hand does
+# (below), is taken for the sensor's own, as by a tare: within the bounds of what was told last.
 
 SETTLE_S = 0.3
 """After brakes have opened, joints settle for this long [s]."""
@@ -276,6 +296,13 @@ STIFFNESS = np.array([1e3, 20.0])
 """The softest contact falls by so much for each unit of it [N/m, N·m/rad]."""
 SAME = 0.1
 """A load that was acknowledged may be off by that part when it is met again [1]."""
+UNCHANGED = 0.5 * STEP * STIFFNESS
+"""What changes by less while it leads the tool counts as the same [N, N·m]."""
+DRIFT = np.array([0.3, 0.03])
+"""Nor does what grows no faster, as a zero that drifts [N/s, N·m/s]."""
+WATCHED_S = 0.05
+"""It is looked at so often [s]."""
+FORCE = ("force",)
 
 
 class LoadTrust(StrEnum):
@@ -331,6 +358,10 @@ class LoadMonitor:
         """From the MRF to the Sensor [m]."""
         self._tared = np.zeros(2)
         """Sizes of what a tare took for the sensor's own, and may be weight (2,) [N, N·m]."""
+        self._zero = settings.wrench_bias
+        """The reading of no contact (6,) that was told last."""
+        self._since_s = self._watched_s = 0.0
+        """When what leads the tool alone came to be as it is, and when it was looked at."""
         self._contact = ToolContact(period_s)
         self._latched = False
         """The contact of the tool was looked at a tick ago."""
@@ -402,6 +433,8 @@ class LoadMonitor:
             self._hear(output, time_s)
         if self._using and self.trust in (LoadTrust.SETTLING, LoadTrust.JUDGED):
             self._judge(output, time_s)
+        elif self._using and self.trust is LoadTrust.EXPLAINED and settings.on["force"]:
+            self._watch(output, time_s)
         settings.load_settles &= self.trust is LoadTrust.SETTLING
         settings.sensor_share = self._share(output)
         before_latched, self._latched = self._latched, self.trust in LATCHED
@@ -414,7 +447,7 @@ class LoadMonitor:
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
         self._told, heard = self._settings.load_told, self._settings.load_heard
-        self._lever = self._apart(output)
+        self._lever, self._zero = self._apart(output), self._settings.wrench_bias
         if heard == "unknown":
             self.trust, self._known = LoadTrust.UNKNOWN, self._measured.sizes()
             self._events.warning("load_unknown", "force control waits until the payload is told")
@@ -468,8 +501,7 @@ class LoadMonitor:
             self._end(LoadTrust.EXPLAINED)
         elif mark is not None:
             which = 0 if here.sizes[0] > self._bounds[0] else 1
-            ways = (here.T.p - mark.T.p, rotation_log(here.T.R @ mark.T.R.T))
-            back = -float(ways[which] @ mark.directions[which])
+            back = float(mark.backed(here.T)[which])
             if back >= STEP[which] * (SURER if self._falls else 1.0):
                 if mark.sizes[which] - here.sizes[which] < STIFFNESS[which] * back:
                     self._doubt(output)
@@ -480,6 +512,34 @@ class LoadMonitor:
                 self._until_s = time_s + WAIT_S
             elif time_s > self._until_s:
                 self._doubt(output)
+
+    def _watch(self, output: Output, time_s: float) -> None:
+        """Take what leads the tool through the air, and does not change, for the sensor's own."""
+        if time_s < self._watched_s:
+            return
+        lapsed = time_s > self._watched_s + WATCHED_S
+        self._watched_s = time_s + WATCHED_S
+        mark, here = self._mark, self._measured.mark(output)
+        asked, inputs = output.desired, output.seen.inputs
+        led = asked.by_joint or inputs.wrench_desired.any() or inputs.drive != STILL_DRIVE
+        others = led or others_ask(asked.twists, FORCE)
+        grown = DRIFT * (time_s - self._since_s)
+        if mark is None or lapsed or others or (mark.changed(here, grown) > UNCHANGED).any():
+            self._mark, self._since_s = here, time_s
+            return
+        hangs, for_s = abs(here.directions[0, 2]) >= VERTICAL, time_s - self._since_s
+        gain, unloaded = self._settings.gains["force"], self._read.unloaded
+        rate = here.sizes * np.array([gain[:3].max(), gain[3:].max()])
+        went = np.minimum(mark.backed(here.T), rate * for_s)
+        if for_s < (HANGS_S if hangs else STAYS_S) or unloaded is None or (went < STEP).all():
+            return
+        self._mark = None
+        if (np.array(sizes(unloaded - self._zero)) > self._bounds).any():
+            self._doubt(output)
+            return
+        self._settings.wrench_bias = unloaded
+        words, values = unchanging(self._measured.mean(), float(UNCHANGED[0]))
+        self._events.warning("force_unchanging", f"{words}, and led the tool: tared", **values)
 
     def _apart(self, output: Output) -> float:
         place = self._settings.T_wrist_sensor
@@ -552,6 +612,19 @@ STEADY = 0.5
 """Within that part of the deadband of following a wrench counts as the same [1]."""
 BLOCK = 5
 """The measured wrench is averaged over so many ticks [1]."""
+
+
+def unchanging(wrench: Array, least_n: float) -> tuple[str, dict[str, Value]]:
+    """Return text and values of the event `force_unchanging`, for a wrench (6,) in World axes.
+
+    One whose force is `least_n` or less is no weight.
+    """
+    force, moment = sizes(wrench)
+    weight = float(wrench[2])
+    words = f"{force:.2g} N and {moment:.2g} N·m do not change, as a hand's do"
+    if force > least_n and abs(weight) >= VERTICAL * force:
+        words += f"; {weight / -float(GRAVITY[2]):+.2g} kg that nobody told of would be these"
+    return words, {"force_n": force, "moment_nm": moment}
 
 
 class UnchangingForce:
@@ -648,9 +721,5 @@ class UnchangingForce:
         if not (off > self._deadband).any():
             return
         self._said = self._learned.copy()
-        force, moment = sizes(self._learned)
-        weight = float(self._learned[2])
-        words = f"{force:.2g} N and {moment:.2g} N·m do not change, as a hand's do"
-        if force > self._deadband[0] and abs(weight) >= VERTICAL * force:
-            words += f"; {weight / -float(GRAVITY[2]):+.2g} kg that nobody told of would be these"
-        self._events.warning("force_unchanging", words, force_n=force, moment_nm=moment)
+        words, values = unchanging(self._learned, float(self._deadband[0]))
+        self._events.warning("force_unchanging", words, **values)

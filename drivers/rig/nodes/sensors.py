@@ -18,7 +18,7 @@ from ....config.schema.rig import RigForceTorqueSection
 from ....protocols.canopen import robotous
 from ....protocols.canopen.can301 import FrameError
 from ....protocols.canopen.robotous import COUNTS_PER_NEWTON, COUNTS_PER_NEWTON_METRE, SensorCommand
-from ....protocols.messages.rig import RigFault, value_of
+from ....protocols.messages.rig import MOST_FORCE, RigFault, value_of, vector_of
 from ....protocols.sick import ANGLE_UNIT, MEASURING, Scan, encode_scan, framed, hexadecimal
 from ..physics.sensors import Rangefinder
 from ..physics.world import World
@@ -96,6 +96,8 @@ class SimulatedForceTorque:
         """When the next sample is due [s]."""
         self._frozen = False
         self._mute = False
+        self._shift, self._shift_s, self._comes_s = np.zeros(6), 0.0, 0.0
+        """What the fault `bias` adds, since when, and how long it takes to come [s]."""
         self._last: tuple[bytes, bytes] | None = None
 
     @classmethod
@@ -115,10 +117,15 @@ class SimulatedForceTorque:
         self.due_s, self._offset, self._last = float("inf"), [0.0] * 6, None
 
     def inject(self, fault: RigFault) -> None:
-        """Freeze the sample. Raises `ValueError` for other faults."""
-        if fault.kind != "freeze":
+        """Freeze the sample, or let its zero drift. Raises `ValueError` for other faults."""
+        if fault.kind == "bias":
+            self._shift_s = self._clock()
+            self._shift[:3] = vector_of(fault, MOST_FORCE, "N") if fault.on else 0.0
+            self._comes_s = value_of(fault, 0.0, 3600.0, "s", default=0.0)
+        elif fault.kind == "freeze":
+            self.freeze(fault.on, mute=bool(fault.value))
+        else:
             raise ValueError(f"fault {fault.kind}: its target is a joint, not {fault.target}")
-        self.freeze(fault.on, mute=bool(fault.value))
 
     def freeze(self, on: bool, *, mute: bool = False) -> None:
         """Repeat the last sample for ever, or with `mute` send none; `on` false: work again."""
@@ -165,7 +172,8 @@ class SimulatedForceTorque:
 
     def _reading(self) -> NDArray[np.float64]:
         reading: NDArray[np.float64] = self._response @ self._load() + self._bias
-        return reading
+        since_s = self._clock() - self._shift_s
+        return reading + self._shift * min(1.0, since_s / max(self._comes_s, _EPSILON_S))
 
 
 # --- The simulated inertial measurement unit: specific force and rate, at each SYNC ----

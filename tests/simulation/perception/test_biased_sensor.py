@@ -116,3 +116,52 @@ def test_a_hand_that_pushes_is_answered_whatever_the_bias(force):
     ways = [way(run, 2.8, 3.5) for run in led]
     assert ways[0] > 0.2
     assert ways[1] == pytest.approx(ways[0], rel=0.05)
+
+
+# --- a zero that goes off while the arm stands ----------------------------------------------------
+
+
+def standing(vector, comes_s=0.0, seconds=8.0):
+    """Return the run of an arm that nobody moves, whose sensor's zero goes off by newtons (3,)."""
+    off = {"kind": "bias", "target": "force_torque", "vector": vector, "value": comes_s}
+    return play(load_cell("pa10"), {"at_s": 1.0, "rig/fault": off}, seconds=seconds)
+
+
+@pytest.mark.parametrize(
+    "zero", [(1.0, 0.0, 0.0), (0.0, 2.5, 0.0), (0.0, 0.0, -2.5), (0.4, 0.3, 0.0)]
+)
+def test_a_zero_that_is_a_little_off_leads_the_tool_a_little_way_and_no_farther(zero):
+    """Force control would answer it for ever: 2.5 N by 1.75 mm/s."""
+    run = standing(zero)
+    assert run.summary["mode"] == "enabled"
+    assert [e.values["force_n"] for e in run.events("force_unchanging")] == [
+        pytest.approx(np.linalg.norm(zero), rel=0.1)
+    ]
+    assert way(run, 1.0, 8.0) < 1e-3 + 3.5 * 7e-4 * np.linalg.norm(zero)
+    assert way(run, 6.5, 8.0) < 0.2e-3
+
+
+def test_a_zero_that_drifts_on_is_followed_until_it_is_told():
+    run = standing((0.0, 0.0, 6.0), 20.0, seconds=22.0)
+    assert way(run, 1.0, 22.0) < 10e-3
+    assert way(run, 18.0, 22.0) < 0.2e-3
+    assert len(run.events("load_unexplained")) == 1
+    assert len(run.events("force_unchanging")) >= 2
+
+
+def test_a_load_of_two_newtons_sinks_two_millimetres_and_a_hand_is_answered_then_as_ever():
+    """A weight hangs straight down, and is known sooner than what pushes from the side."""
+    weight = {"kind": "push", "target": "force_torque", "vector": (0.0, 0.0, -2.0)}
+    hand = {"kind": "hand", "target": "force_torque", "vector": (0.0, 15.0, -2.0), "value": 4.0}
+    run = play(
+        load_cell("pa10"),
+        {"at_s": 1.0, "rig/fault": weight},
+        {"at_s": 5.0, "rig/fault": hand},
+        seconds=9.0,
+    )
+    assert way(run, 1.0, 5.0) < 2.5e-3
+    (said,) = run.events("force_unchanging")
+    assert "+0.21 kg that nobody told of" in said.detail
+    assert said.time_s - run.simulation.player.start_s < 2.5
+    # K_F times the impulse of a force that swells and dies away like a raised cosine.
+    assert way(run, 5.0, 9.0) == pytest.approx(7e-4 * 15.0 * 2.0, rel=0.2)

@@ -148,6 +148,21 @@ def test_a_push_shows_as_a_load(running: Master) -> None:
     np.testing.assert_allclose(samples(running, 0.5).mean(axis=0), before, atol=0.1)
 
 
+def test_a_zero_goes_off_at_once_or_as_slowly_as_it_is_told(running: Master) -> None:
+    before = samples(running, 0.5).mean(axis=0)
+    fault = RigFault(kind="bias", target="force_torque", vector=(2.0, 0.0, -4.0))
+    running.rig.inject(fault)
+    after = samples(running, 0.5).mean(axis=0)
+    np.testing.assert_allclose((after - before)[:3], fault.vector, atol=0.1)
+    running.rig.inject(fault.model_copy(update={"value": 10.0}))
+    after = samples(running, 1.0).mean(axis=0)
+    np.testing.assert_allclose((after - before)[:3], (0.1, 0.0, -0.2), atol=0.05)
+    running.rig.inject(RigFault(kind="bias", target="force_torque", on=False))
+    np.testing.assert_allclose(samples(running, 0.5).mean(axis=0), before, atol=0.1)
+    with pytest.raises(ValueError, match="give its vector"):
+        running.rig.inject(RigFault(kind="bias", target="force_torque"))
+
+
 def test_a_frozen_sensor_repeats_itself_or_says_nothing(running: Master) -> None:
     samples(running, 0.1)
     running.rig.inject(RigFault(kind="freeze", target="force_torque"))
