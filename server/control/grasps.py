@@ -32,6 +32,15 @@ class Weighed(NamedTuple):
     """So long it has lasted [s]."""
     asked: bool = False
     """Other sources asked for motion."""
+    aside: Array = np.zeros(3)
+    """Horizontal force and moment about the vertical of no contact, exerted at the payload's frame
+    in World axes (3,) [N, N·m]."""
+    felt: Array | None = None
+    """The same beyond that, its mean since it leads the payload; None while it does not."""
+    led_from: Pose | None = None
+    """Where the payload was then, in World."""
+    led_s: float = 0.0
+    """So long it does [s]."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,8 @@ class GraspStatus(NamedTuple):
     """The payload slipped out of this arm's grasp: the arms stop."""
     load: Array
     """Mass [kg] and first moment in the payload's frame [kg·m] beyond what was told (4,)."""
+    aside: Array
+    """Horizontal force [N] and moment about the vertical [N·m] of no contact (3,)."""
     weights: Array
     """Diagonal of W in effect (6,) [1]."""
     share: float

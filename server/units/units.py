@@ -38,6 +38,7 @@ from ..perception.contact import JamMonitor
 from ..perception.obstacle_map import ObstacleMap
 from ..perception.perception import Perception
 from ..perception.wrench import NAME as SENSOR
+from ..perception.wrench import unchanging
 from ..plant import UnitReading
 from ..refusals import Refused, Why
 from ..stability.judgement import LoopBounds
@@ -144,6 +145,8 @@ class JointUnit:
             self._bounds = (sensor.unexplained_force, sensor.unexplained_moment)
         self._load = np.zeros(4)
         """What the payload weighs beyond what was told, as an event told last (4,) [kg, kg·m]."""
+        self._aside = np.zeros(3)
+        """And what leads it aside, but is no contact (3,) [N, N·m]."""
 
     @property
     def T_world_mrf(self) -> Pose | None:
@@ -315,7 +318,16 @@ class JointUnit:
                 self._told[i] = held.redefined
 
     def _tell_load(self, held: GraspStatus) -> None:
-        """Tell that the payload weighs otherwise than it was told, or than was told of it last."""
+        """Tell that the payload weighs otherwise than it was told, or than was told of it last.
+
+        And of what leads it aside, but is no contact.
+        """
+        if held.aside is not self._aside:
+            if held.aside.any():
+                x, y, about = held.aside.tolist()
+                words, values = unchanging(np.array([x, y, 0.0, 0.0, 0.0, about]), 0.0)
+                self.events.warning("force_unchanging", f"{words}, and led the payload", **values)
+            self._aside = held.aside
         load, g = held.load, -float(GRAVITY[2])
         if not load.any():  # drives were off: it is weighed anew
             self._load = load

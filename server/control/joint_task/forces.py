@@ -312,6 +312,10 @@ def _slowed(
 # vertical accommodation rests. Before the first such judgement after the drives were switched
 # on, force control gives way to a small part of the sum only, so that a payload told very wrong
 # does not fall meanwhile.
+#
+# What is horizontal is no weight, but may be a hand, which holds no force for long, or a sensor
+# whose zero is off. What led the payload by a step and stayed the same all the while is the
+# latter: it counts as nothing from then on.
 
 G = -float(GRAVITY[2])
 
@@ -345,6 +349,15 @@ PART = 5e-3
 SMOOTH_S = 0.05
 """Time constant of the sum that is compared [s]."""
 
+STAYS_S = 3.0
+"""A hand does not hold the same force for so long [s]."""
+
+UNCHANGED = (0.5, 0.25)
+"""Horizontal sums that differ by less are the same: sensors are half a metre apart [N, N·m]."""
+
+STEP = (1e-3, 5e-3)
+"""And are no contact's if the payload gave way to them by so much [m, rad]."""
+
 
 class Told(NamedTuple):
     """Sum of the grasps and what the arms are asked for, in one tick."""
@@ -375,9 +388,10 @@ def weighed(before: Weighed, told: Told, intent: Intent, period_s: float) -> Wei
     """Return what is known of the payload's weight one period later."""
     looks = intent in (Intent.MOVE, Intent.HOLD) and not told.wanted
     if told.contact is None or not looks:
-        return before._replace(sum=None, time_s=0.0)
+        return before._replace(sum=None, time_s=0.0, felt=None)
     sum_now = _weight_in(told) + G * before.waits
     asked = bool((np.abs(told.twist) > ASKED).any())
+    before = _led(before, told, asked, period_s)
     if asked and not before.judged:
         before = before._replace(judged=True, waits=np.zeros(4))
     if before.sum is None or asked != before.asked:
@@ -409,6 +423,37 @@ def weighed(before: Weighed, told: Told, intent: Intent, period_s: float) -> Wei
         way=np.zeros(4),
         time_s=0.0,
     )
+
+
+def _led(before: Weighed, told: Told, asked: bool, period_s: float) -> Weighed:
+    """Return what is known of what leads the payload aside, one period later."""
+    here, wrench = told.T_world_mrf @ told.T_payload_mrf.inverse(), told.contact
+    at = rotate_twist(here.R, wrench_to(told.T_payload_mrf, wrench))  # type: ignore[arg-type]  # known
+    now, felt, began = at[[0, 1, 5]], before.felt, before.led_from
+    if felt is None or began is None or asked or _beyond(now - felt, UNCHANGED):
+        return before._replace(felt=now, led_from=here, led_s=0.0)
+    time_s = before.led_s + period_s
+    felt = felt + period_s / time_s * (now - felt)
+    force = max(math.hypot(felt[0], felt[1]), 1e-9)
+    back = -float((here.p - began.p)[:2] @ felt[:2]) / force
+    turned = -float(rotation_log(here.R @ began.R.T)[2]) * math.copysign(1.0, felt[2])
+    went, about = math.hypot(told.way[0], told.way[1]) * time_s, abs(told.way[5]) * time_s
+    if time_s < STAYS_S or (min(back, went) < STEP[0] and min(turned, about) < STEP[1]):
+        return before._replace(felt=felt, led_s=time_s)
+    return before._replace(aside=before.aside + felt, felt=None, led_from=None, led_s=0.0)
+
+
+def _beyond(off: Array, bounds: tuple[float, float]) -> bool:
+    """Return whether horizontal force or moment about the vertical (3,) are beyond bounds."""
+    return math.hypot(off[0], off[1]) > bounds[0] or abs(off[2]) > bounds[1]
+
+
+def led_by(aside: Array, T_payload_mrf: Pose, R_world_mrf: Array) -> Array:
+    """Return the wrench (6,) at and in the MRF of what leads a payload aside (3,) [N, N·m]."""
+    x, y, about = aside.tolist()
+    R = T_payload_mrf.R @ R_world_mrf.T
+    wrench = rotate_twist(R, np.array([x, y, 0.0, 0.0, 0.0, about]))
+    return wrench_to(T_payload_mrf.inverse(), wrench)
 
 
 def _weight_in(told: Told) -> Array:
@@ -624,19 +669,22 @@ class GivingWay:
         wrists: Sequence[WristMemory],
         T_payload_mrf: Pose,
         R_world_mrf: Array,
-        extra: Array,
+        known: Weighed,
     ) -> Grasping:
         """Return the forces at the grasps of arms that see the MRF at `views` in their Wrists.
 
-        `weights` (k, 6) are the diagonals of W in effect, `extra` (4,) is what the payload was
-        found to weigh more than it was told.
+        `weights` (k, 6) are the diagonals of W in effect, `known` is what the grasps were found to
+        carry beside what was told.
         """
         felt = [
             own_wrist.contact.at_mrf(memory.wrench, tool)[0]
             for own_wrist, memory, tool in zip(self._wrists, wrists, self._tools, strict=True)
         ]
+        extra = known.load + known.waits
         mass, moment = self._mass + float(extra[0]), self._moment + extra[1:]
         weight = weight_of(mass, moment, T_payload_mrf, R_world_mrf)
+        if known.aside.any():
+            weight = weight + led_by(known.aside, T_payload_mrf, R_world_mrf)
         asked = desired_wrench(told.wrench_desired, told.R_world_wrench, R_world_mrf)
         return grasping(views, self._tools, felt, weights, weight, asked)
 

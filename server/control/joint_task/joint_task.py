@@ -288,7 +288,7 @@ class JointTask:
         known = first.held.weighed
         weights = self._giving_way.weights(told, [of.held for of in each])
         forces = self._giving_way.forces(
-            told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known.load + known.waits
+            told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known
         )
         light = [0.0] * len(each)
         if told.intent is not Intent.SEED:
@@ -312,7 +312,7 @@ class JointTask:
             rates = rates._replace(twists={**twists, "force": way}, twist=twist)
             holding = GraspStatus(
                 self.name, forces.internal_force, forces.internal_moment, strained,
-                light[i] >= SLIPPED_S, known.load,
+                light[i] >= SLIPPED_S, known.load, known.aside,
                 weights[i], *forces.vertical(i, T_world_mrf.R[2]),
                 apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0], of.held.redefined,
             )  # fmt: skip

@@ -238,6 +238,20 @@ def test_a_payload_that_weighs_a_tenth_more_than_told_is_held_up_and_told(play, 
     assert run.summary["mode"] == "enabled"
 
 
+def test_a_zero_of_one_grasp_that_is_off_leads_the_beam_a_little_way_and_no_farther(play, cell):
+    """Force control would answer it for ever: 10 N by 2.9 mm/s."""
+    off = {"kind": "bias", "target": "left.force_torque", "vector": (10.0, 0.0, 0.0)}
+    run = play({"at_s": 0.5, "rig/fault": off}, seconds=6.0, cell=cell)
+    (told,) = run.events("force_unchanging")
+    assert told.values["force_n"] == pytest.approx(10.0, rel=0.1)
+    places = {round(truth.time_s, 3): np.array(truth.beam.pose[:3]) for truth in run.truths}
+    last = max(places)
+    assert np.linalg.norm(places[last] - places[min(places)]) < 12e-3
+    assert np.linalg.norm(places[last] - places[round(last - 1.0, 3)]) < 0.2e-3
+    assert run.summary["mode"] == "enabled"
+    assert run.summary["internal_force_n"]["max"] < 10.0
+
+
 def test_only_who_holds_a_payload_can_lose_it(play):
     fault = {"at_s": 0.05, "rig/fault": {"kind": "slip", "target": "force_torque"}}
     run = play(fault, seconds=0.1)
