@@ -113,7 +113,7 @@ MOST_FRICTION = 1e4
 
 
 def vector_of(fault: RigFault, most: float, unit: str) -> NDArray[np.float64]:
-    """Return a fault's vector (3,), in World.
+    """Return a fault's vector (3,).
 
     Raises `ValueError`, in one line, for none, and for one beyond `most` along an axis.
     """

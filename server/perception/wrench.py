@@ -17,6 +17,7 @@ from ..control.inputs import STILL as STILL_DRIVE
 from ..control.inputs import Payload
 from ..control.spatial import GRAVITY, Array, Pose, cross, rotation_log, sizes
 from ..control.state import Output
+from ..control.task.following import STAYS_S
 from ..control.task.task import GAIN_TIME_S
 from ..events import Events, Value
 from ..mode import Mode
@@ -358,8 +359,8 @@ class LoadMonitor:
         """From the MRF to the Sensor [m]."""
         self._tared = np.zeros(2)
         """Sizes of what a tare took for the sensor's own, and may be weight (2,) [N, N·m]."""
-        self._zero = settings.wrench_bias
-        """The reading of no contact (6,) that was told last."""
+        self._zero = self._own_tare = settings.wrench_bias
+        """The reading of no contact (6,) that was told last, and the one that is in force since."""
         self._since_s = self._watched_s = 0.0
         """When what leads the tool alone came to be as it is, and when it was looked at."""
         self._contact = ToolContact(period_s)
@@ -447,7 +448,9 @@ class LoadMonitor:
     def _hear(self, output: Output, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
         self._told, heard = self._settings.load_told, self._settings.load_heard
-        self._lever, self._zero = self._apart(output), self._settings.wrench_bias
+        self._lever = self._apart(output)
+        if self._settings.wrench_bias is not self._own_tare:
+            self._zero = self._own_tare = self._settings.wrench_bias
         if heard == "unknown":
             self.trust, self._known = LoadTrust.UNKNOWN, self._measured.sizes()
             self._events.warning("load_unknown", "force control waits until the payload is told")
@@ -537,7 +540,7 @@ class LoadMonitor:
         if (np.array(sizes(unloaded - self._zero)) > self._bounds).any():
             self._doubt(output)
             return
-        self._settings.wrench_bias = unloaded
+        self._settings.wrench_bias = self._own_tare = unloaded
         words, values = unchanging(self._measured.mean(), float(UNCHANGED[0]))
         self._events.warning("force_unchanging", f"{words}, and led the tool: tared", **values)
 
@@ -602,8 +605,6 @@ class LoadMonitor:
 # Any other wrench is followed whole and at once. Changes below half of the deadband are the
 # sensor's noise, no hand's.
 
-STAYS_S = 3.0
-"""A hand does not hold the same force for so long [s]."""
 HANGS_S = 1.0
 """Nor the same vertical one, which a weight is; nor is there one that presses nothing [s]."""
 VERTICAL = math.cos(math.radians(10.0))

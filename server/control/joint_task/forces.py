@@ -30,6 +30,7 @@ from ..spatial import (
     wrench_to,
 )
 from ..state import ArmMemory
+from ..task.following import STAYS_S
 from ..task.sources import ForceState, bleed, desired_wrench
 from .load_shares import greatest, internal, load_shares, total
 
@@ -349,9 +350,6 @@ PART = 5e-3
 SMOOTH_S = 0.05
 """Time constant of the sum that is compared [s]."""
 
-STAYS_S = 3.0
-"""A hand does not hold the same force for so long [s]."""
-
 UNCHANGED = (0.5, 0.25)
 """Horizontal sums that differ by less are the same: sensors are half a metre apart [N, N·m]."""
 
@@ -389,9 +387,10 @@ def weighed(before: Weighed, told: Told, intent: Intent, period_s: float) -> Wei
     looks = intent in (Intent.MOVE, Intent.HOLD) and not told.wanted
     if told.contact is None or not looks:
         return before._replace(sum=None, time_s=0.0, felt=None)
-    sum_now = _weight_in(told) + G * before.waits
+    wrench = wrench_to(told.T_payload_mrf, told.contact)
+    sum_now = _weight_in(wrench, told) + G * before.waits
     asked = bool((np.abs(told.twist) > ASKED).any())
-    before = _led(before, told, asked, period_s)
+    before = _led(before, wrench, told, asked, period_s)
     if asked and not before.judged:
         before = before._replace(judged=True, waits=np.zeros(4))
     if before.sum is None or asked != before.asked:
@@ -425,27 +424,28 @@ def weighed(before: Weighed, told: Told, intent: Intent, period_s: float) -> Wei
     )
 
 
-def _led(before: Weighed, told: Told, asked: bool, period_s: float) -> Weighed:
-    """Return what is known of what leads the payload aside, one period later."""
-    here, wrench = told.T_world_mrf @ told.T_payload_mrf.inverse(), told.contact
-    at = rotate_twist(here.R, wrench_to(told.T_payload_mrf, wrench))  # type: ignore[arg-type]  # known
-    now, felt, began = at[[0, 1, 5]], before.felt, before.led_from
-    if felt is None or began is None or asked or _beyond(now - felt, UNCHANGED):
+def _led(before: Weighed, wrench: Array, told: Told, asked: bool, period_s: float) -> Weighed:
+    """Return what is known of what leads the payload aside, one period later.
+
+    `wrench` (6,) is the contact, at and in the payload's frame.
+    """
+    here = told.T_world_mrf @ told.T_payload_mrf.inverse()
+    now, felt, began = rotate_twist(here.R, wrench)[[0, 1, 5]], before.felt, before.led_from
+    x, y, about = (now - (now if felt is None else felt)).tolist()
+    changed = math.hypot(x, y) > UNCHANGED[0] or abs(about) > UNCHANGED[1]
+    if felt is None or began is None or asked or changed:
         return before._replace(felt=now, led_from=here, led_s=0.0)
     time_s = before.led_s + period_s
     felt = felt + period_s / time_s * (now - felt)
     force = max(math.hypot(felt[0], felt[1]), 1e-9)
     back = -float((here.p - began.p)[:2] @ felt[:2]) / force
     turned = -float(rotation_log(here.R @ began.R.T)[2]) * math.copysign(1.0, felt[2])
-    went, about = math.hypot(told.way[0], told.way[1]) * time_s, abs(told.way[5]) * time_s
-    if time_s < STAYS_S or (min(back, went) < STEP[0] and min(turned, about) < STEP[1]):
+    # It went there because force control asked for it, not by what else moves the arms.
+    back = min(back, math.hypot(told.way[0], told.way[1]) * time_s)
+    turned = min(turned, abs(float(told.way[5])) * time_s)
+    if time_s < STAYS_S or (back < STEP[0] and turned < STEP[1]):
         return before._replace(felt=felt, led_s=time_s)
     return before._replace(aside=before.aside + felt, felt=None, led_from=None, led_s=0.0)
-
-
-def _beyond(off: Array, bounds: tuple[float, float]) -> bool:
-    """Return whether horizontal force or moment about the vertical (3,) are beyond bounds."""
-    return math.hypot(off[0], off[1]) > bounds[0] or abs(off[2]) > bounds[1]
 
 
 def led_by(aside: Array, T_payload_mrf: Pose, R_world_mrf: Array) -> Array:
@@ -456,13 +456,13 @@ def led_by(aside: Array, T_payload_mrf: Pose, R_world_mrf: Array) -> Array:
     return wrench_to(T_payload_mrf.inverse(), wrench)
 
 
-def _weight_in(told: Told) -> Array:
+def _weight_in(wrench: Array, told: Told) -> Array:
     """Return the weight (4,) that a wrench would be: force [N], moment in the payload's axes [N·m].
 
-    The moment is that of a force along the vertical: its point's place times the force.
+    The moment is that of a force along the vertical: its point's place times the force. `wrench`
+    (6,) is at and in the payload's frame.
     """
     up = told.T_payload_mrf.R @ told.T_world_mrf.R[2]
-    wrench = wrench_to(told.T_payload_mrf, told.contact)  # type: ignore[arg-type]  # known, or nobody asks
     return np.concatenate([[wrench[:3] @ up], cross(up, wrench[3:])])
 
 

@@ -14,6 +14,9 @@ from .source import Context, Granted, Redefined, Shaping, Source
 STANDING = 1e-6
 """A reference that is slower than this, and has no force to come, is at rest [m/s, rad/s]."""
 
+STAYS_S = 3.0
+"""A hand does not hold the same force for so long [s]."""
+
 SLACK = (0.02, 0.1)
 """The reference is at most this far from the command [m, rad]: an arm that cannot follow does not
 catch up afterwards with all that it missed."""

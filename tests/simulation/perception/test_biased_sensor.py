@@ -165,3 +165,19 @@ def test_a_load_of_two_newtons_sinks_two_millimetres_and_a_hand_is_answered_then
     assert said.time_s - run.simulation.player.start_s < 2.5
     # K_F times the impulse of a force that swells and dies away like a raised cosine.
     assert way(run, 5.0, 9.0) == pytest.approx(7e-4 * 15.0 * 2.0, rel=0.2)
+
+
+def test_a_payload_that_is_told_does_not_let_the_zero_go_off_twice_as_far():
+    cell, fault = load_cell("pa10"), {"kind": "bias", "target": "force_torque"}
+    payload = cell.config.mechanism.force_torque.payload
+    run = play(
+        cell,
+        {"at_s": 0.5, "rig/fault": {**fault, "vector": (2.5, 0.0, 0.0)}},
+        {"at_s": 3.0, "operator/payload": {"mass": payload.mass, "com": list(payload.com)}},
+        {"at_s": 4.0, "rig/fault": {**fault, "vector": (5.0, 0.0, 0.0)}},
+        seconds=7.0,
+    )
+    assert run.summary["refused"] == []
+    assert len(run.events("payload_set")) == len(run.events("force_unchanging")) == 1
+    (said,) = run.events("load_unexplained")
+    assert said.time_s - run.simulation.player.start_s > 4.5
