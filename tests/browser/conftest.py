@@ -242,9 +242,14 @@ class Site:
         self.hold_by(page, lambda: page.keyboard.down(key), lambda: page.keyboard.up(key))
 
     def hold_by(self, page, begin, end, moves=None):
-        """Hold something until the arm moves by it; begin anew if the page missed or lost it."""
+        """Hold something until the arm moves by it; begin anew if the page missed or lost it.
+
+        A page that stutters by more than 0.2 s moves nothing, as it should: its console stops what
+        is held, and has it let go of first. A machine may make it stutter for as long as it likes.
+        """
         moves = moves or (lambda: self.speed() > 0.01)
-        for _ in range(TRIES):
+        deadline_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline_s:
             self.go_on(page)
             self.forget()
             begin()
@@ -275,9 +280,6 @@ class Site:
         finally:
             self._repeats = False
         raise AssertionError(f"the page lost the lease {TRIES} times; {self.plant.told()}")
-
-    def until_moving(self):
-        self.until(lambda: self.speed() > 0.01, "the arm does not move")
 
     def until_still(self):
         self.until(lambda: self.speed() < 0.002, "the arm does not stop")

@@ -14,6 +14,14 @@ pytestmark = pytest.mark.browser
 
 HUNG = "for (const since = performance.now(); performance.now() - since < 8000;);"
 
+STUTTER = """
+window.stutter = 0;
+setInterval(() => {
+  for (const since = performance.now(); performance.now() - since < window.stutter;);
+}, 1);
+"""
+"""A page that draws for so long, again and again [ms]."""
+
 
 class Cable:
     """Address of the same port that passes everything on to the console, until it is cut."""
@@ -159,6 +167,21 @@ def test_a_page_that_hangs_stops_the_arm_and_loses_the_lease(site, ending):
             os.kill(pid, signal.SIGCONT)
     site.until(lambda: site.mode(page) == "hold", "the page does not come back")
     site.until_still()
+
+
+def test_a_page_that_stutters_says_why_what_is_held_moves_nothing(site):
+    page = site.enabled(script=STUTTER)
+    page.evaluate("window.stutter = 400")
+    page.keyboard.down("r")
+    said = page.locator(".actions .refusal")
+    site.until(lambda: "stood still" in said.text_content(), "the page does not say so")
+    site.until_still()
+    page.keyboard.up("r")
+    page.evaluate("window.stutter = 0")
+    site.hold(page)
+    page.keyboard.up("r")
+    site.until_still()
+    assert site.mode(page) == "enabled"
 
 
 def test_a_cut_cable_stops_the_arm_and_the_page_says_so(site):

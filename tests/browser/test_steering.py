@@ -14,6 +14,14 @@ navigator.getGamepads = () => [window.pad];
 """
 
 
+def drag_to(page, control, x, y):
+    """Press the mouse in a control's middle, and drag to a share of its width and height."""
+    box = control.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"])
+
+
 def test_a_gamepad_moves_the_tool_only_with_its_deadman_held(site):
     page = site.enabled(script=GAMEPAD)
     site.until(lambda: page.locator("text=made up").count() == 1, "the gamepad is not seen")
@@ -22,20 +30,20 @@ def test_a_gamepad_moves_the_tool_only_with_its_deadman_held(site):
     seen = site.plant.operators[0].state.tick
     site.until(lambda: site.plant.operators[0].state.tick > seen + 30, "no telemetry")
     assert site.speed() < 0.002, "the stick moves the tool without the button"
-    page.evaluate("window.pad.buttons[5].pressed = true")
-    site.until_moving()
-    page.evaluate("window.pad.buttons[5].pressed = false")
+
+    def press(pressed):
+        page.evaluate(f"window.pad.buttons[5].pressed = {pressed}")
+
+    site.hold_by(page, lambda: press("true"), lambda: press("false"))
+    press("false")
     site.until_still()
     assert site.mode(page) == "enabled"
 
 
 def test_a_pad_is_held_by_the_finger_and_springs_back(site):
     page = site.enabled()
-    box = page.locator(".pad .strip").first.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
-    site.until_moving()
+    strip = page.locator(".pad .strip").first
+    site.hold_by(page, lambda: drag_to(page, strip, 0.5, 0.1), page.mouse.up)
     page.mouse.up()
     site.until_still()
     assert page.locator(".pad .held").count() == 0
@@ -46,12 +54,8 @@ def test_a_joint_slider_jogs_one_joint_and_springs_back(site):
     page = site.enabled()
     slider = page.get_by_label("Jog s1")
     slider.scroll_into_view_if_needed()
-    box = slider.bounding_box()
     before = site.plant.truth.q
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] * 0.8, box["y"] + box["height"] / 2)
-    site.until_moving()
+    site.hold_by(page, lambda: drag_to(page, slider, 0.8, 0.5), page.mouse.up)
     page.mouse.up()
     site.until_still()
     moved = [abs(a - b) for a, b in zip(site.plant.truth.q, before, strict=True)]
@@ -64,12 +68,8 @@ def test_the_slider_of_the_spare_joints_turns_the_elbow_and_leaves_the_tool(site
     page = site.enabled()
     slider = page.get_by_label("Self-motion")
     slider.scroll_into_view_if_needed()
-    box = slider.bounding_box()
     before = site.plant.truth
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] * 0.8, box["y"] + box["height"] / 2)
-    site.until_moving()
+    site.hold_by(page, lambda: drag_to(page, slider, 0.8, 0.5), page.mouse.up)
     page.mouse.up()
     site.until_still()
     after = site.plant.truth

@@ -34,9 +34,13 @@ def page(rover):
 
 @pytest.mark.parametrize(("key", "ahead", "left"), [("v", 1, 0), ("b", -1, 0), (",", 0, 1)])
 def test_a_key_drives_the_base_until_it_is_released(rover, page, key, ahead, left):
-    rover.hold(page, key)
     before = base(rover)
-    rover.until(lambda: gone(rover, before), "the base does not move")
+    rover.hold_by(
+        page,
+        lambda: page.keyboard.down(key),
+        lambda: page.keyboard.up(key),
+        lambda: gone(rover, before),
+    )
     page.keyboard.up(key)
     rover.until_still()
     now = base(rover)
@@ -68,9 +72,8 @@ def test_a_button_that_is_held_while_the_speed_changes_still_ends_with_its_relea
         page.mouse.move(box["x"] + 5, box["y"] + 5)
         page.mouse.down()
 
-    rover.hold_by(page, press, page.mouse.up)
     before = base(rover)
-    rover.until(lambda: gone(rover, before), "the base does not move")
+    rover.hold_by(page, press, page.mouse.up, lambda: gone(rover, before))
     page.keyboard.press("-")
     page.mouse.up()
     rover.until_still()

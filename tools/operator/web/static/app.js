@@ -96,6 +96,7 @@ link.addEventListener("state", ({ detail }) => {
 });
 for (const type of ["truth", "obstacle", "contour", "scan"]) link.addEventListener(type, ({ detail }) => scene.update(detail));
 link.addEventListener("picture", ({ detail }) => cameras.show(detail.picture));
+link.addEventListener("lapsed", () => why.remark("What was held has ended: this page stood still, or lost control. Let go, and hold it again."));
 at("scene").addEventListener("cameras", ({ detail }) => scene.setOptions({ covered: detail }));
 link.addEventListener("contour", ({ detail }) => now.ahead(detail.contour));
 link.addEventListener("event", ({ detail }) => {

@@ -7,6 +7,9 @@ const SEVERITY = { stopping: "warning", hold: "warning", fault: "error", boot: "
 /** How grave a state is, by name: as events' severities are. */
 export const severityOf = ({ mode, protective_stop: stopped }) => (stopped ? "error" : (SEVERITY[mode] ?? ""));
 
+/** How long a remark stands [ms]. */
+const REMARK_MS = 6000;
+
 export function createWhy(element, ask) {
   const sentence = el("p", {}, "Waiting for the daemon.");
   const next = el("p", {}, "");
@@ -39,9 +42,17 @@ export function createWhy(element, ask) {
   }
   offer([], "");
 
+  let remarkEnds = 0;
+
   return {
     say,
     offer,
+    // Said for a while beside the buttons, of what the page itself did.
+    remark(words) {
+      setText(refusal, words);
+      clearTimeout(remarkEnds);
+      remarkEnds = setTimeout(() => refusal.textContent === words && setText(refusal, ""), REMARK_MS);
+    },
     update({ state, why }, mine, watching) {
       say(why.sentence, why.next, severityOf(state));
       if (watching) return offer(state.protective_stop ? ["clear"] : [], "");
