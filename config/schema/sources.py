@@ -97,6 +97,13 @@ class ForceSection(SourceSection):
     hold_leash: float = Field(
         0.02, ge=0, le=0.2, description="largest tool travel while bleeding off [m]"
     )
+    most_press: float = Field(
+        100.0,
+        gt=0,
+        le=1e4,
+        description="force that stick, goals and other sources press with at most, beside what is "
+        "wanted [N]",
+    )
 
 
 # --- Schema of the operator's stick ---------------------------------------------------------------

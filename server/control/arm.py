@@ -363,6 +363,11 @@ class Arm:
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
         task, twists = self.task.twists(task, context)
+        task, take = self.task.eased(
+            task, twists, context.wrench if context.guided else None, k.T_world_mrf.R
+        )
+        if take is not None:
+            twists = {**twists, "force": twists["force"] + take}
         stance = self._stance(memory, task, twists, seen)
         acting, settled = objectives, inputs.at_posture
         if settled and stance.alert and self._roused(stance, inputs):
@@ -386,7 +391,10 @@ class Arm:
             near=near,
             links=links,
         )
-        return Question(memory, seen, self.led(twists, request, whole, stance))
+        led = self.led(twists, request, whole, stance)
+        if take is not None:
+            led = led._replace(limits=(*led.limits, "press"))
+        return Question(memory, seen, led)
 
     def answer(
         self, question: "Question", carried: Array = NO_TWIST

@@ -290,6 +290,12 @@ class JointTask:
         forces = self._giving_way.forces(
             told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known
         )
+        moving = told.intent is Intent.MOVE
+        shared, take = self._task.eased(
+            shared, twists, forces.contact if moving else None, T_world_mrf.R, len(each)
+        )
+        if take is not None:
+            twist = twist + take
         light = [0.0] * len(each)
         if told.intent is not Intent.SEED:
             before_s, T = [of.held.light_s for of in each], self.arms[0].p.period_s
@@ -304,12 +310,15 @@ class JointTask:
         share = min(
             arm.tool_share(twist + way, factor) for arm, way in zip(self.arms, ways, strict=True)
         )
-        moving = told.intent is Intent.MOVE
         strained = self._giving_way.strained(forces) if moving else None
         members = []
         for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True)):
             rates = self._wanted(i, of, memory, {"common": twist, "force": way}, share)
             rates = rates._replace(twists={**twists, "force": way}, twist=twist)
+            if take is not None:
+                rates = rates._replace(
+                    twists={**twists, "force": way + take}, limits=(*rates.limits, "press")
+                )
             holding = GraspStatus(
                 self.name, forces.internal_force, forces.internal_moment, strained,
                 light[i] >= SLIPPED_S, known.load, known.aside,

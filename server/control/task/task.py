@@ -14,7 +14,18 @@ from ..stop.trajectory import VelocityPlanner
 from .following import Following
 from .position import Position, PositionState
 from .source import About, Context, Granted, Redefined, Shaping, Source
-from .sources import Force, ForceState, Joystick, PointAt, Reflex, Spring, Vision
+from .sources import (
+    LETS_GO_S,
+    Force,
+    ForceState,
+    Joystick,
+    PointAt,
+    Reflex,
+    Spring,
+    Vision,
+    eased,
+    pressed,
+)
 
 # --- Gains in effect: what was set, times what the cell's schedules say, and every change ramped
 #
@@ -200,6 +211,8 @@ class TaskMemory(NamedTuple):
     """Where the virtual link has the tool off its path, in World (3,) [m]; None where it is not."""
     held: Array | None = None
     """How far the axes of the MRF (6,) are held, from 0, free, to 1; None: all are."""
+    press: Array | None = None
+    """Where something is pressed, in World, and how much that counts (3,); None: nothing is."""
 
     @property
     def position(self) -> PositionState:
@@ -231,6 +244,7 @@ class Task:
         self.part = self._gains.part
         """Share of the way to a new gain that is gone in one period [1]."""
         self._fading = shaping.period_s / FREE_TIME_S
+        self._most_press, self._letting_go = sections.force.most_press, shaping.period_s / LETS_GO_S
         self._advancing = tuple(
             (name, source)
             for name, source in self._sources.items()
@@ -301,8 +315,29 @@ class Task:
                 memory.feedforward, context.carried, jump, context.lever
             )
         twists[FRAMES] = frames
-        off_path, held = memory.off_path, memory.held
-        return TaskMemory(states, gains, feedforward, about, off_path, held), twists
+        rest = memory.off_path, memory.held, memory.press
+        return TaskMemory(states, gains, feedforward, about, *rest), twists
+
+    def eased(
+        self,
+        memory: TaskMemory,
+        twists: Mapping[str, Array],
+        wrench: Array | None,
+        R_world_mrf: Array,
+        arms: int = 1,
+    ) -> tuple[TaskMemory, Array | None]:
+        """Return the twist (6,) that keeps sources from pressing harder than the cell's bound.
+
+        `wrench` (6,) is what so many arms together exert, at and in the MRF, None where that is
+        not known or no source leads them. None: they press less.
+        """
+        press = pressed(memory.press, wrench, R_world_mrf, self._most_press, self._letting_go)
+        if press is None:
+            return (memory if memory.press is None else memory._replace(press=None)), None
+        asked = sum((twist for name, twist in twists.items() if name != "force"), np.zeros(6))
+        gain = memory.gains.get("force", NO_TWIST)[:3] / arms
+        take = eased(asked, press, gain, R_world_mrf, self._most_press)
+        return memory._replace(press=press), take
 
     def orders(self, twists: Mapping[str, Array]) -> bool:
         """Return whether any of the twists (6,) is an operator's or a device's wish to move."""
@@ -322,8 +357,7 @@ class Task:
         states = dict(memory.states)
         for name, source in self._advancing:
             states[name] = source.advance(states[name], granted)
-        feedforward, about = memory.feedforward, memory.about
-        return TaskMemory(states, memory.gains, feedforward, about, off_path, memory.held)
+        return memory._replace(states=states, off_path=off_path)
 
     def _jump(
         self,

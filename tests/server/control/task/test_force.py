@@ -3,7 +3,7 @@ import pytest
 from telerobot.config.schema.sources import ForceSection
 from telerobot.server.control.inputs import Intent
 from telerobot.server.control.spatial import Pose
-from telerobot.server.control.task.sources import Force, ForceState
+from telerobot.server.control.task.sources import Force, ForceState, eased, pressed
 
 from .shown import SHAPING, shown
 
@@ -88,3 +88,46 @@ def test_beside_commanded_joints_only_contact_is_given_way_to(force):
     beyond = HARD[0] - 0.3 * 30.0
     expected = [-7e-4 * beyond, 0, 0, 0, 0, 0]
     np.testing.assert_allclose(rate(force, wrench=HARD, **jogged), expected, atol=1e-15)
+
+
+# --- how hard other sources press -----------------------------------------------------------------
+
+MOST = 100.0
+
+
+def test_a_sum_that_presses_too_hard_keeps_its_direction_and_balances_the_bound(rng, random_pose):
+    for _ in range(50):
+        R, gain, force = random_pose().R, GAIN[:3] * rng.uniform(0.2, 1, 3), rng.normal(size=3)
+        force *= rng.uniform(0.3, 3.0) * MOST / np.linalg.norm(force)
+        asked = np.concatenate([rng.normal(size=3), rng.normal(size=3)])
+        press = pressed(None, np.concatenate([force, np.zeros(3)]), R, MOST, 0.02)
+        along = R @ force / np.linalg.norm(force)
+        np.testing.assert_allclose(press, along, atol=1e-12)
+        gives_way = R @ (gain * (R.T @ along)) * MOST
+        take = eased(asked, press, gain, R, MOST)
+        if asked[:3] @ along <= gives_way @ along:
+            assert take is None
+            continue
+        left = asked + take
+        assert left[:3] @ along == pytest.approx(gives_way @ along)
+        np.testing.assert_allclose(np.cross(left[:3], asked[:3]), 0.0, atol=1e-12)
+        np.testing.assert_array_equal(left[3:], asked[3:])
+
+
+def test_nothing_is_pressed_below_a_quarter_of_the_bound_and_a_bounce_lets_go_slowly():
+    wrench = np.array([0.24 * MOST, 0, 0, 5.0, 0, 0])
+    assert pressed(None, wrench, np.eye(3), MOST, 0.02) is None
+    press = pressed(None, 1.1 * wrench, np.eye(3), MOST, 0.02)
+    sizes = []
+    while press is not None:
+        sizes.append(press[0])
+        press = pressed(press, np.zeros(6), np.eye(3), MOST, 0.02)
+    assert sizes[0] == 1.0
+    np.testing.assert_allclose(sizes, 0.98 ** np.arange(len(sizes)))
+    assert 0.02 * len(sizes) == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_stale_sensor_forgets_slowly_and_force_control_that_is_off_takes_nothing_back():
+    press = np.array([1.0, 0, 0])
+    assert pressed(press, None, np.eye(3), MOST, 0.02)[0] == 0.98
+    assert eased(np.array([0.2, 0, 0, 0, 0, 0]), press, np.zeros(3), np.eye(3), MOST) is None
