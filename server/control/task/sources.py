@@ -266,9 +266,11 @@ def _accommodate(R: Array, gain: Array, desired: Array, wrench: Array, out: Arra
 #
 # Where a stick's rate u meets a surface, the force grows until force control gives way at the
 # same rate, F = K_HC u / K_F (Williams 1997, section 2.5): a stick at full speed would press
-# with hundreds of newtons. So what the other sources ask for along the force is bounded by
-# K_F F_most as soon as something is pressed. That lasts for a while after it was touched, as a
-# tool that bounces off a stiff wall would come back at full speed.
+# with hundreds of newtons. So the power that the other sources put into a contact, wrench times
+# twist, over the force, is bounded by K_F F_most. With a contact at one point, wherever that is,
+# this is the speed of that point. What force control gives way by turning is not counted: several
+# contacts may hinder it. The bound goes on for a while after something was pressed, as a tool
+# that bounces off a stiff wall would come back at full speed.
 
 PRESSED = 0.25
 """Something is pressed from this part of the bound on [1]."""
@@ -283,18 +285,17 @@ FREED = 0.05
 def pressed(
     before: Array | None, wrench: Array | None, R_world_mrf: Array, most: float, part: float
 ) -> Array | None:
-    """Return the direction in which something is pressed, times how much that counts, 0 to 1.
+    """Return the wrench by which something is pressed, for a force of 1 N, in World axes (6,).
 
-    That is (3,) in World, and was so `before`. `wrench` (6,) is what is exerted, in the axes of
+    It was so `before`, and counts less and less. `wrench` (6,) is what is exerted, in the axes of
     the MRF; None where that is not known. `part` is a period's share of `LETS_GO_S`. None: nothing
     is pressed.
     """
     if wrench is not None:
-        force = wrench[:3]
-        size = math.sqrt(float(force @ force))
+        size = math.sqrt(float(wrench[:3] @ wrench[:3]))
         if size > PRESSED * most:
-            return np.asarray(R_world_mrf @ force / size)
-    if before is None or before @ before < FREED**2:
+            return rotate_twist(R_world_mrf, wrench / size)
+    if before is None or before[:3] @ before[:3] < FREED**2:
         return None
     return np.asarray((1.0 - part) * before)
 
@@ -303,17 +304,17 @@ def eased(asked: Array, press: Array, gain: Array, R_world_mrf: Array, most: flo
     """Return the twist (6,) that takes back what of a sum `asked` (6,) presses too hard.
 
     The sum keeps its direction: along a wall with friction, one that changed it would chatter.
-    `press` (3,) is as of `pressed`, in World; `gain` (3,) is K_F [m/s/N] along the axes of the MRF.
-    None where the sum stays below K_F times `most` [N], and where force control gives way to
-    nothing.
+    `press` (6,) is as of `pressed`; `gain` (6,) is K_F [m/s/N, rad/s/(N·m)] along the axes of the
+    MRF. None where the sum leads into the contact more slowly than force control gives way to
+    `most` [N], and where that gives way to nothing.
     """
-    size = math.sqrt(float(press @ press))
-    along = press / size
-    gives_way = float(gain @ (along @ R_world_mrf) ** 2) * most
-    into = float(asked[:3] @ along)
+    counts = math.sqrt(float(press[:3] @ press[:3]))
+    wrench = press / counts
+    gives_way = most * float(gain[:3] @ (wrench[:3] @ R_world_mrf) ** 2)
+    into = float(asked @ wrench)
     if into <= gives_way or gives_way <= 0.0:
         return None
-    return np.concatenate([size * (gives_way / into - 1.0) * asked[:3], np.zeros(3)])
+    return counts * (gives_way / into - 1.0) * asked
 
 
 # --- Folding to pass below what is ahead: the tool's part of it (Zhang et al. 2013, section 4) ----

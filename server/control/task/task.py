@@ -212,7 +212,7 @@ class TaskMemory(NamedTuple):
     held: Array | None = None
     """How far the axes of the MRF (6,) are held, from 0, free, to 1; None: all are."""
     press: Array | None = None
-    """Where something is pressed, in World, and how much that counts (3,); None: nothing is."""
+    """The wrench by which something is pressed, for 1 N or what counts of it (6,), in World."""
 
     @property
     def position(self) -> PositionState:
@@ -335,7 +335,7 @@ class Task:
         if press is None:
             return (memory if memory.press is None else memory._replace(press=None)), None
         asked = sum((twist for name, twist in twists.items() if name != "force"), np.zeros(6))
-        gain = memory.gains.get("force", NO_TWIST)[:3] / arms
+        gain = memory.gains.get("force", NO_TWIST) / arms
         take = eased(asked, press, gain, R_world_mrf, self._most_press)
         return memory._replace(press=press), take
 
