@@ -363,9 +363,9 @@ class Arm:
         if whole is not IDLE:
             context = context._replace(folding=whole.folding)
         task, twists = self.task.twists(task, context)
-        task, take = self.task.eased(
-            task, twists, context.wrench if context.guided else None, k.T_world_mrf.R
-        )
+        take: Array | None = None
+        if context.guided:
+            task, take = self.task.eased(task, twists, context.wrench, k.T_world_mrf.R)
         if take is not None:
             twists = {**twists, "force": twists["force"] + take}
         stance = self._stance(memory, task, twists, seen)

@@ -291,9 +291,12 @@ class JointTask:
             told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known
         )
         moving = told.intent is Intent.MOVE
-        shared, take = self._task.eased(
-            shared, twists, forces.contact if moving else None, T_world_mrf.R, len(each)
-        )
+        take: Array | None = None
+        if moving:
+            mass = self.section.payload.mass
+            shared, take = self._task.eased(
+                shared, twists, forces.contact, T_world_mrf.R, len(each), mass
+            )
         if take is not None:
             twist = twist + take
         light = [0.0] * len(each)

@@ -273,7 +273,7 @@ def _accommodate(R: Array, gain: Array, desired: Array, wrench: Array, out: Arra
 # that bounces off a stiff wall would come back at full speed.
 
 PRESSED = 0.25
-"""Something is pressed from this part of the bound on [1]."""
+"""Something is pressed from this part of the bound on, beside what speeds up a payload [1]."""
 
 LETS_GO_S = 0.5
 """Time constant with which a tool that presses nothing any more is free again [s]."""
@@ -283,17 +283,17 @@ FREED = 0.05
 
 
 def pressed(
-    before: Array | None, wrench: Array | None, R_world_mrf: Array, most: float, part: float
+    before: Array | None, wrench: Array | None, R_world_mrf: Array, least: float, part: float
 ) -> Array | None:
     """Return the wrench by which something is pressed, for a force of 1 N, in World axes (6,).
 
     It was so `before`, and counts less and less. `wrench` (6,) is what is exerted, in the axes of
-    the MRF; None where that is not known. `part` is a period's share of `LETS_GO_S`. None: nothing
-    is pressed.
+    the MRF; None where that is not known. A force of `least` [N] counts; `part` is a period's share
+    of `LETS_GO_S`. None: nothing is pressed.
     """
     if wrench is not None:
         size = math.sqrt(float(wrench[:3] @ wrench[:3]))
-        if size > PRESSED * most:
+        if size > least:
             return rotate_twist(R_world_mrf, wrench / size)
     if before is None or before[:3] @ before[:3] < FREED**2:
         return None

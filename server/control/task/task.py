@@ -16,6 +16,7 @@ from .position import Position, PositionState
 from .source import About, Context, Granted, Redefined, Shaping, Source
 from .sources import (
     LETS_GO_S,
+    PRESSED,
     Force,
     ForceState,
     Joystick,
@@ -245,6 +246,7 @@ class Task:
         """Share of the way to a new gain that is gone in one period [1]."""
         self._fading = shaping.period_s / FREE_TIME_S
         self._most_press, self._letting_go = sections.force.most_press, shaping.period_s / LETS_GO_S
+        self._acceleration = float(shaping.acceleration[:3].max())
         self._advancing = tuple(
             (name, source)
             for name, source in self._sources.items()
@@ -325,13 +327,16 @@ class Task:
         wrench: Array | None,
         R_world_mrf: Array,
         arms: int = 1,
+        mass: float = 0.0,
     ) -> tuple[TaskMemory, Array | None]:
         """Return the twist (6,) that keeps sources from pressing harder than the cell's bound.
 
         `wrench` (6,) is what so many arms together exert, at and in the MRF, None where that is
-        not known or no source leads them. None: they press less.
+        not known. What speeds up a `mass` [kg] is in it, too. None: they
+        press less.
         """
-        press = pressed(memory.press, wrench, R_world_mrf, self._most_press, self._letting_go)
+        least = PRESSED * self._most_press + mass * self._acceleration
+        press = pressed(memory.press, wrench, R_world_mrf, least, self._letting_go)
         if press is None:
             return (memory if memory.press is None else memory._replace(press=None)), None
         asked = sum((twist for name, twist in twists.items() if name != "force"), np.zeros(6))

@@ -1,5 +1,7 @@
 """What a stick or a goal leads into is pressed no harder than the cell's bound; by the physics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
@@ -100,3 +102,20 @@ def test_a_beam_is_pressed_into_its_nodes_by_no_stick_as_hard_as_its_speed_would
     net = np.array([np.linalg.norm(t.beam.push) for t in run.truths])
     assert net.max() < 1.4 * BOUND_N
     assert "press" in run.at(2.9).tasks["beam"].limits
+
+
+def test_what_speeds_up_a_heavy_payload_is_no_pressing(play):
+    """The grasps tell it as contact: 18 kg at 2 m/s² are beyond a quarter of the bound."""
+    pair = load_cell("pa10_pair")
+    (task,) = pair.joint_tasks
+    heavy = task.payload.model_copy(update={"mass": 18.0})
+    cell = replace(
+        altered(pair, {"rig.beam.mass": 18.0}),
+        joint_tasks=(task.model_copy(update={"payload": heavy, "most_internal_at_fault": 400.0}),),
+    )
+    back = {"task": "beam", "twist": [-0.2, 0, 0, 0, 0, 0], "expressed_in": "world"}
+    run = play({"at_s": 0.1, "for_s": 1.0, "cmd/joystick": back}, seconds=1.2, cell=cell)
+    assert run.summary["failure"] is None
+    contact = [np.linalg.norm(state.tasks["beam"].wrench_mrf[:3]) for state in run.states[5:]]
+    assert max(contact) > 0.25 * BOUND_N, "it looks like contact"
+    assert not any("press" in state.tasks["beam"].limits for state in run.states)

@@ -111,7 +111,7 @@ def test_a_sum_that_presses_too_hard_keeps_its_direction_and_the_contact_moves_a
         def wrench_mrf(force, lever=lever, n=n, R=R):
             return np.concatenate([R.T @ (force * n), R.T @ np.cross(lever, force * n)])
 
-        press = pressed(None, wrench_mrf(rng.uniform(0.3, 3.0) * MOST), R, MOST, 0.02)
+        press = pressed(None, wrench_mrf(rng.uniform(0.3, 3.0) * MOST), R, 0.25 * MOST, 0.02)
         gives_way = n @ R @ (gain * wrench_mrf(MOST))[:3]
         take = eased(asked, press, gain, R, MOST)
         if at_contact(asked) <= gives_way:
@@ -124,14 +124,14 @@ def test_a_sum_that_presses_too_hard_keeps_its_direction_and_the_contact_moves_a
     assert slowed > 30
 
 
-def test_nothing_is_pressed_below_a_quarter_of_the_bound_and_a_bounce_lets_go_slowly():
+def test_nothing_is_pressed_below_the_least_that_counts_and_a_bounce_lets_go_slowly():
     wrench = np.array([0.24 * MOST, 0, 0, 5.0, 0, 0])
-    assert pressed(None, wrench, np.eye(3), MOST, 0.02) is None
-    press = pressed(None, 1.1 * wrench, np.eye(3), MOST, 0.02)
+    assert pressed(None, wrench, np.eye(3), 0.25 * MOST, 0.02) is None
+    press = pressed(None, 1.1 * wrench, np.eye(3), 0.25 * MOST, 0.02)
     sizes = []
     while press is not None:
         sizes.append(press[0])
-        press = pressed(press, np.zeros(6), np.eye(3), MOST, 0.02)
+        press = pressed(press, np.zeros(6), np.eye(3), 0.25 * MOST, 0.02)
     np.testing.assert_allclose(sizes, 0.98 ** np.arange(len(sizes)))
     assert 0.02 * len(sizes) == pytest.approx(3.0, abs=0.05)
 
