@@ -332,8 +332,7 @@ class Task:
         """Return the twist (6,) that keeps sources from pressing harder than the cell's bound.
 
         `wrench` (6,) is what so many arms together exert, at and in the MRF, None where that is
-        not known. What speeds up a `mass` [kg] is in it, too. None: they
-        press less.
+        not known. What speeds up a `mass` [kg] is in it, too. None: they press less.
         """
         least = PRESSED * self._most_press + mass * self._acceleration
         press = pressed(memory.press, wrench, R_world_mrf, least, self._letting_go)
