@@ -30,10 +30,8 @@ from telerobot.server.perception.obstacle_map import ObstacleMap
 from telerobot.tools.scripts.script import Script, Step
 from telerobot.tools.soak.segments import step
 
-from .movers import RandomMover, mover
+from .movers import PROMISE, RandomMover, mover
 
-PROMISE = 0.02
-"""Clearance that the daemon promises in these scenes [m]."""
 SAG = 0.001
 """Sag of the joints when the drives begin to hold them [m]."""
 COUNT = (4, 16)

@@ -30,8 +30,33 @@ FASTEST = 0.95
 """Part of its stated bounds that a mover uses [1]."""
 ACTS_AFTER = 3
 """News is heard in the next period, and what is commanded then acts two later [1]."""
+PROMISE = 0.02
+"""Clearance that the daemon promises in these scenes [m]."""
+DESCENTS = 20
+"""Rounds over all other gaps in the search for what a retreat beside them is bounded by [1]."""
 EVERY_S = 0.05
 """A mover that can turn at once takes aim so often [s]."""
+
+
+def greatest_beside(row: Vector, beside: Vector, most: Vector) -> float:
+    """Return max row · x over |x| ≤ `most` (n,) with beside (m, n) · x ≥ 0, or a bound above it.
+
+    By duality it is the least of Σ |row + λ · beside| · most over λ ≥ 0, so that any λ bounds it
+    from above: one λ after the other is brought to where that is least, a weighted median of the
+    breakpoints.
+    """
+    share = np.zeros(len(beside))
+    for _ in range(DESCENTS):
+        for i, each in enumerate(beside):
+            turns = np.flatnonzero(np.abs(each) > 1e-9)
+            if not len(turns):
+                continue
+            rest = row + share @ beside - share[i] * each
+            at = -rest[turns] / each[turns]
+            order = np.argsort(at)
+            weight = np.cumsum((np.abs(each[turns]) * most[turns])[order])
+            share[i] = max(0.0, at[order][np.searchsorted(weight, 0.5 * weight[-1])])
+    return float(np.abs(row + share @ beside) @ most)
 
 
 @dataclass(frozen=True)
@@ -75,7 +100,9 @@ class Touch(NamedTuple):
     """Direction (3,) from the arm to the mover."""
     escape: float
     """Greatest speed at which all joints together take the place that is touched from the mover
-    [m/s]; 0 for a link that turns about its own axis, or does not move at all."""
+    [m/s], closing none of the gaps to other movers that these could bring below the promise before
+    the arm does anything about it. 0 for a link that turns about its own axis, or does not move at
+    all, or that two movers have between them."""
 
 
 class Reach(NamedTuple):
@@ -221,7 +248,7 @@ class Chase:
             away = self._place[mover] - at
             away /= max(float(np.linalg.norm(away)), 1e-9)
             if gap <= max(0.0, -float(way @ away)):
-                found = Touch(away, self._escape(int(self._model.geom_bodyid[geom]), at, away))
+                found = Touch(away, self._escape(mover, self._retreat(geom, at, away)))
         return found
 
     def _gaps(self, mover: str, within: float) -> Iterator[tuple[float, int, Vector]]:
@@ -235,8 +262,22 @@ class Chase:
             if gap <= within:
                 yield gap, geom, fromto[:3]
 
-    def _escape(self, body: int, at: Vector, away: Vector) -> float:
-        return float(np.abs(away @ self._jacobian(body, at)) @ self._fastest)
+    def _retreat(self, geom: int, at: Vector, away: Vector) -> Vector:
+        """Return how a place (3,) on the arm leaves what is `away` (3,) with the joints (n,)."""
+        return -away @ self._jacobian(int(self._model.geom_bodyid[geom]), at)
+
+    def _escape(self, mover: str, retreat: Vector) -> float:
+        """Return the greatest speed of a retreat (n,) that closes in on no other mover [m/s]."""
+        beside = []
+        for m in self._movers:
+            if (other := m.obstacle.name) == mover:
+                continue
+            within = PROMISE + m.obstacle.max_speed * (NEWS_EVERY_S + ACTS_AFTER * self._period_s)
+            for _, geom, at in self._gaps(other, within):
+                away = self._place[other] - at
+                away /= max(float(np.linalg.norm(away)), 1e-9)
+                beside.append(self._retreat(geom, at, away))
+        return greatest_beside(retreat, np.array(beside).reshape(-1, len(retreat)), self._fastest)
 
     def _jacobian(self, body: int, at: Vector) -> Vector:
         """Return how a place (3,) on a body moves with the joints (3, n)."""

@@ -13,8 +13,8 @@ from telerobot.protocols import topics as t
 from telerobot.tools.simulation.simulation import Simulation
 
 from ..part import Part, Selection
-from .clutter import HOSTILE_S, PROMISE, Clutter, make_clutter
-from .movers import Chase, Reach
+from .clutter import HOSTILE_S, Clutter, make_clutter
+from .movers import PROMISE, Chase, Reach
 
 CELL = "pa10"
 DEEPER = 0.001
@@ -53,7 +53,7 @@ class Hit(NamedTuple):
     told_s: float
     """It had been told of, to an arm that was to move, for so long; 0: nobody did [s]."""
     escape: float
-    """Greatest speed at which the joints take what was hit from it [m/s]."""
+    """Greatest speed at which the joints take what was hit from it, towards no other [m/s]."""
     reach: Reach
     """What the arm could do about it since it was told."""
     held: bool = False
@@ -74,7 +74,10 @@ class Hit(NamedTuple):
                 f"{1e3 * self.reach.deep_m:.1f} mm"
             )
         if self.escape <= self.speed:
-            return f"the joints take that place away at {self.escape:.2f} m/s at most"
+            return (
+                f"the joints take that place away, towards no other mover, at {self.escape:.2f} "
+                "m/s at most"
+            )
         return f"it is quicker than {SLOW:g} m/s" * (self.speed > SLOW)
 
     @property

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from laboratory.campaign.scenes import runs
-from laboratory.campaign.scenes.clutter import HOSTILE_S, KINDS, PROMISE, make_clutter
-from laboratory.campaign.scenes.movers import Chase, Reach
+from laboratory.campaign.scenes.clutter import HOSTILE_S, KINDS, make_clutter
+from laboratory.campaign.scenes.movers import PROMISE, Chase, Reach, greatest_beside
 from laboratory.campaign.scenes.runs import Hit, SceneSummary, play
 from telerobot.config.load import altered, load_cell
 from telerobot.tools.simulation.simulation import Simulation
@@ -106,7 +106,7 @@ def test_what_speaks_against_a_run_is_found(scenes, change, word):
     ("hit", "why"),
     [
         (Hit("mover0", 1.0, 0.25, 0.9, 0.4, EASY), "quicker than 0.2 m/s"),
-        (Hit("mover0", 1.0, 0.15, 0.9, 0.1, EASY), "take that place away at 0.10 m/s"),
+        (Hit("mover0", 1.0, 0.15, 0.9, 0.1, EASY), "towards no other mover, at 0.10 m/s"),
         (Hit("mover0", 1.0, 0.15, 0.0, 0.4, EASY), "nobody tells of it"),
         (Hit("mover0", 1.0, 0.15, 0.1, 0.4, Reach(0.009, 0.004)), "4.0 mm at most, of 9.0 mm"),
         (Hit("mover0", 1.0, 0.15, 0.9, 0.4, EASY, held=True), "in HOLD"),
@@ -120,6 +120,46 @@ def test_a_hit_that_no_arm_can_avoid_is_counted_and_told_with_its_reason(scenes,
     assert summary.kept
     assert (summary.figures()["hits"], summary.figures()["hits_avoidable"]) == (1, 0)
     assert any("hit at 1.00 s by mover0" in line and why in line for line in summary.lines())
+
+
+@pytest.mark.parametrize(
+    ("row", "beside", "greatest"),
+    [
+        ([1.0, 1.0], [], 3.0),
+        ([1.0, 0.0], [[-1.0, 0.0]], 0.0),
+        ([1.0, 1.0], [[-1.0, 0.0]], 2.0),
+        ([1.0, 1.0], [[-1.0, 0.0], [0.0, -1.0]], 0.0),
+        ([1.0, 0.0], [[-1.0, 0.5]], 1.0),
+        ([1.0, 0.0], [[-4.0, 1.0]], 0.5),
+        ([1.0, 0.0], [[1.0, 0.0]], 1.0),
+    ],
+)
+def test_a_retreat_beside_others_is_the_vertex_that_a_drawing_shows(row, beside, greatest):
+    found = greatest_beside(np.array(row), np.array(beside).reshape(-1, 2), np.array([1.0, 2.0]))
+    assert found == pytest.approx(greatest, abs=1e-12)
+
+
+def test_no_retreat_beside_others_is_quicker_than_what_is_found():
+    """A judge may excuse too little by it, but never too much."""
+    rng = np.random.default_rng(8)
+    for _ in range(30):
+        row, beside = rng.normal(size=3), rng.normal(size=(int(rng.integers(1, 4)), 3))
+        most = rng.uniform(0.5, 2.0, 3)
+        tried = rng.uniform(-most, most, (20_000, 3))
+        tried = np.vstack([tried, np.sign(tried) * most])
+        kept = tried[(tried @ beside.T >= 0.0).all(axis=1)]
+        quickest = (kept @ row).max(initial=0.0)
+        assert quickest <= greatest_beside(row, beside, most) + 1e-12
+        assert greatest_beside(row, beside, most) <= np.abs(row) @ most + 1e-12
+
+
+def test_an_arm_between_two_movers_is_asked_to_leave_neither_for_the_other():
+    """Seed 651: one that is quick is at its forearm, another comes to its elbow from behind."""
+    run = play(651)
+    hit = run.hits[-1]
+    assert [h.mover for h in run.hits] == ["mover0", "mover2"]
+    assert hit.speed < 0.2
+    assert hit.escape < 0.05 < 0.2 < run.hits[0].escape
 
 
 def test_movers_do_not_go_into_the_arm(scenes):

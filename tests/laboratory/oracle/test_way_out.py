@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from laboratory.campaign.scenes.clutter import PROMISE, make_clutter
+from laboratory.campaign.scenes.clutter import make_clutter
+from laboratory.campaign.scenes.movers import PROMISE
 from laboratory.oracle.way_out import Programme, closed_in, solved, way_out
 from telerobot.config.load import Cell, load_cell
 from telerobot.drivers.rig.physics.world import World
