@@ -251,6 +251,9 @@ rate_hz = 200
 [sources.force]
 gain = [7e-4, 7e-4, 7e-4, 0.03, 0.03, 0.03]
 
+[touch]
+torque = [9.0]
+
 [rig.drive]
 stiffness = [9000.0]
 damping = [300.0]

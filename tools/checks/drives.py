@@ -6,11 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...config.load import Cell
-from ...config.schema.mechanism import (
-    DifferentialBaseSection,
-    DriveSection,
-    PayloadSection,
-)
+from ...config.schema.mechanism import DifferentialBaseSection, DriveSection, PayloadSection
 from ...config.urdf.robot import UrdfJoint
 from ...drivers.canopen.servo_setup import SAG, Setpoint
 from ...drivers.device import MOST_MISSED_SYNCS, SWITCH_OFF_S
@@ -240,6 +236,18 @@ def holding(cell: Cell) -> Iterator[Finding]:
         # The heaviest reading stands for all that are well.
         found.sort(key=lambda f: float(f.values["share"] or 0.0), reverse=True)
         yield from (f for i, f in enumerate(found) if i == 0 or f.status is not Severity.OK)
+
+
+def contact(cell: Cell) -> Iterator[Finding]:
+    """Tell from which torques on joints feel contact, and warn where they feel none."""
+    section, most = cell.config.touch, float(most_torques(cell).max())
+    if section is None:
+        text = f"without [touch] no joint feels what links press, with up to {most:g} N·m"
+        yield Finding("contact", Severity.WARN, text, {"torque": most})
+    else:
+        least, most = min(section.torque), max(section.torque)
+        text = f"felt from {least:g} to {most:g} N·m (N) a joint on, given way to by up to "
+        yield Finding("contact", Severity.OK, f"{text}{section.leash:g} rad", {"torque": least})
 
 
 def reading_finding(check: str, found: Used, turned: Used) -> Finding:

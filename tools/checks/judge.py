@@ -6,7 +6,7 @@ from typing import Final
 
 from ...config.load import Cell
 from .cell import arms, bus_load, network, sampling, sensors, timing
-from .drives import carried, drives, enabling, following, holding, torque
+from .drives import carried, contact, drives, enabling, following, holding, torque
 from .findings import Finding
 from .loops import joint_tasks, reflection, stability
 from .model import postures, starting, tunnel
@@ -37,6 +37,7 @@ OF_AN_ARM: Final[tuple[Check, ...]] = (
     sight,
     own_rays,
     holding,
+    contact,
     torque,
     following,
     sensors,

@@ -142,7 +142,6 @@ class Connection:
         return replies[0]
 
     def _rest(self) -> None:
-        """Let a little time pass between two turns."""
         time.sleep(POLL_S)
 
     def _take(self, topic: t.Topic, payload: bytes) -> bool:

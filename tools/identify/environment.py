@@ -78,11 +78,9 @@ class Leader(ABC):
         """Lead the arm from its first state to the end. Raises `GaveUpError`."""
 
     def _later(self, since_s: float, seconds: float) -> bool:
-        """Return whether it is later than so long after a time [s]."""
         return self._state.time_s > since_s + seconds
 
     def _to(self, **posture: object) -> None:
-        """Send the arm to a posture."""
         self.client.command(t.POSTURE, mechanism=self.mechanism, **posture)
         self._asked_seq = self.client.seq
 

@@ -247,7 +247,6 @@ def _through_the_ends(a: Tube, b: Tube) -> Tube:
 
 
 def _grown(start: Array, end: Array, tubes: Sequence[Tube]) -> Tube:
-    """Return the capsule around a segment that holds others."""
     line = Tube(start, end, 0.0)
     far = [line.distance(np.stack([t.start, t.end])).max() + t.radius for t in tubes]
     return Tube(start, end, float(max(far)) + 1e-4)

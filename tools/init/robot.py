@@ -257,7 +257,6 @@ def _make_room(arms: list[UrdfArm], carried: Mapping[str, ET.Element]) -> None:
 
 
 def _way_to(urdf: Path, tip: str, carried: Mapping[str, ET.Element]) -> list[ET.Element]:
-    """Return all joints on the way from the root to a link."""
     way, at, seen = [], tip, {tip}
     while at in carried:
         way.append(carried[at])

@@ -267,7 +267,6 @@ def _arm(
 
 
 def _asked(inputs: Inputs) -> Iterator[str]:
-    """Yield what operators and devices ask for in this tick."""
     if inputs.stick is not None:
         yield f"stick {_numbers(inputs.stick.twist)}"
     if inputs.jog is not None:

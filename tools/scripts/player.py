@@ -318,7 +318,6 @@ class Player:
 
     @property
     def _tick(self) -> int:
-        """The newest telemetry tick."""
         return 0 if self.client.state is None else self.client.state.tick
 
     @property

@@ -1,8 +1,10 @@
 """A push that the force/torque sensor does not see stops the arm; ordinary motion does not."""
 
+import numpy as np
 import pytest
 from laboratory.campaign.contact import sliding, touch
 from laboratory.campaign.contact.sliding import Slide
+from telerobot.config.load import altered, load_cell
 from telerobot.tools.scripts.script import Script
 from telerobot.tools.simulation.simulation import Simulation
 
@@ -100,3 +102,40 @@ def test_an_arm_that_cannot_feel_says_so_and_that_it_can_again(pa10):
     assert 4.0 <= found.time_s < 4.1
     assert run.events("touched") == []
     assert run.states[-1].mode == "enabled"
+
+
+# A turn about the sensor's own axis, axes that point the other way, and a mounting out by 30°.
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, np.pi), (np.pi, 0.0, 0.0), (0.0, 0.0, np.pi / 6)])
+@pytest.mark.parametrize("v", [(0.05, 0.0, 0.0), (0.05, 0.05, 0.0)])
+def test_a_sensor_that_is_mounted_otherwise_than_told_lets_nobody_press(play, pa10, rpy, v):
+    """Force control answers a contact to the wrong side then: the joints feel what it does."""
+    run = play(
+        {"at_s": 0.0, "cmd/posture": {"posture": "ready"}},
+        {"at_s": 2.6, "cmd/joystick": {"twist": [*v, 0.0, 0.0, 0.0], "expressed_in": "base"}},
+        seconds=6.5,
+        cell=altered(pa10, {"rig.force_torque.mounting_rpy": rpy}),
+    )
+    assert run.summary["mode"] == "hold"
+    assert run.events("touched")
+    force = [float(np.linalg.norm(truth.contact_force)) for truth in run.truths]
+    assert max(force) < 150.0
+    assert max(force[-50:]) < 5.0
+
+
+@pytest.mark.parametrize("name", ["ur5e", "pa10_vision"])
+def test_what_a_link_is_led_onto_is_let_go_of_in_every_cell(play, name):
+    """A stick of 50 mm/s: links that no sensor sees pressed the table with 594 and 555 N."""
+    run = play(
+        {"at_s": 0.0, "cmd/posture": {"posture": "ready"}},
+        {
+            "at_s": 2.6,
+            "cmd/joystick": {"twist": [0.0, 0.0, -0.05, 0.0, 0.0, 0.0], "expressed_in": "base"},
+        },
+        seconds=9.0,
+        cell=load_cell(name),
+    )
+    force = [float(np.linalg.norm(truth.contact_force)) for truth in run.truths]
+    assert max(force) > 50.0
+    assert run.summary["mode"] == "hold"
+    assert run.events("touched")
+    assert max(force[-50:]) < 30.0

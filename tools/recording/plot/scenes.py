@@ -120,7 +120,6 @@ def _cover(name: str, triangles: Array, tubes: tuple[Tube, ...], at: Pose) -> Li
 
 
 def _view(ax: Axes, triangles: Array, tubes: Sequence[Tube], axes: tuple[int, int]) -> None:
-    """Draw a shape and its capsules as seen along the third axis."""
     flat = triangles[:, :, list(axes)]
     a, b = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
     order = np.argsort(-np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), kind="stable")
