@@ -9,7 +9,7 @@ import numpy as np
 
 from ..commands.commands import Commands
 from ..control.mechanism.wrench import LOAD_TIME_S
-from ..control.spatial import GRAVITY, Array, Pose, sizes
+from ..control.spatial import GRAVITY, NO_TWIST, Array, Pose, sizes
 from ..control.state import Output
 from ..control.task.task import FRAMES
 from ..events import Events
@@ -418,7 +418,8 @@ class ContactStability:
 # straight against the push, through the MRF. That is told quietly, `held_up`. A peg on a rim or
 # askew in its hole is pressed beside its axis, or from the side: `jammed`, and so is a
 # payload's every stop. A payload that turns about one of its ends gets on at the MRF, but stops
-# there: each grasp is looked at, by how it was asked to go.
+# there: each grasp is looked at, by how it was asked to go. What a link meets the sensor does not
+# see, and joints without `[touch]` do not feel: some stay on their leash, and are named.
 
 SAMPLE_S = 0.1
 """It is looked so often [s]."""
@@ -434,6 +435,8 @@ BESIDE = 2e-3
 """A push whose line passes the MRF by more than this is one on an edge [m]."""
 TILTS = 0.03
 """If its moment is more than this: the sensor's payload is known no better [N·m]."""
+LEASH = "leash:"
+"""Begin of a limit's name, before the joint that is too far behind its command."""
 ASIDE = 0.3
 """And so is one that is answered from the side by more than that part of it [1]."""
 
@@ -454,6 +457,8 @@ class _Sample(NamedTuple):
     """And the moment, at the MRF [N·m]."""
     T: Pose
     """Where the MRF was measured."""
+    behind: frozenset[str]
+    """Joints that the leash holds."""
 
 
 class _Progress(NamedTuple):
@@ -482,11 +487,11 @@ class JamMonitor:
         self._held = False
 
     def update(self, output: Output | None) -> None:
-        """Take in a tick; None or no reading of the sensor: nothing is known."""
+        """Take in a tick; None: nothing is known. Without a reading no force is."""
         self._ticks += 1
         if self._ticks % self._every:
             return
-        if output is None or output.seen.wrench is None:
+        if output is None:
             self._forget()
             return
         asked = np.zeros(6)
@@ -496,9 +501,10 @@ class JamMonitor:
         if _size(asked[:3]) < SLOWEST:
             self._forget()
             return
-        T = output.T_world_mrf_measured
-        force, moment = output.seen.wrench.reshape(2, 3) @ T.R.T
-        self._seen.append(_Sample(asked[:3], asked[3:], force, moment, T))
+        T, wrench = output.T_world_mrf_measured, output.seen.wrench
+        force, moment = (NO_TWIST if wrench is None else wrench).reshape(2, 3) @ T.R.T
+        behind = frozenset(x[len(LEASH) :] for x in output.limits if x.startswith(LEASH))
+        self._seen.append(_Sample(asked[:3], asked[3:], force, moment, T, behind))
         if len(self._seen) == self._seen.maxlen:
             self._judge()
 
@@ -515,15 +521,21 @@ class JamMonitor:
         places = self._progress(seen[0].T, seen[-1].T, asked, turning, along)
         way, asked_m = least = max(places, key=lambda place: place.left)
         pressed = min(float(sample.force @ along) for sample in seen)
-        held = least.left > 0.0 and pressed > PRESSED_N
+        unseen = frozenset[str]() if pressed > PRESSED_N else seen[0].behind
+        unseen = unseen.intersection(*(sample.behind for sample in seen))
+        held = least.left > 0.0 and (pressed > PRESSED_N or bool(unseen))
         force = np.mean([sample.force for sample in seen], axis=0)
         moment = np.mean([sample.moment for sample in seen], axis=0)
-        jammed = held and (len(self._grasps) > 0 or _on_edge(force, moment, along))
+        seen_held = held and not unseen
+        jammed = seen_held and (len(self._grasps) > 0 or _on_edge(force, moment, along))
         if (jammed and not self.jammed) or (held and not self._held):
             push = float(force @ along)
-            (self._events.warning if jammed else self._events.info)(
+            what = f"pressed with {push:.1f} N"
+            if unseen:
+                what = f"held up, with {', '.join(sorted(unseen))} far behind the command,"
+            (self._events.warning if jammed or unseen else self._events.info)(
                 "jammed" if jammed else "held_up",
-                f"pressed with {push:.1f} N for {JAMMED_S:g} s and got {1e3 * way:.1f} mm further "
+                f"{what} for {JAMMED_S:g} s and got {1e3 * way:.1f} mm further "
                 f"of {1e3 * asked_m:.1f} that were asked for",
                 force_n=push,
                 way_m=way,

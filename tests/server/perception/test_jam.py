@@ -13,8 +13,13 @@ ALONG = np.array([SPEED, 0.0, 0.0])
 
 
 class Told(list):
+    def __init__(self):
+        super().__init__()
+        self.details = []
+
     def warning(self, name, detail, **values):
         self.append((name, values))
+        self.details.append(detail)
 
     info = warning
 
@@ -31,7 +36,7 @@ def monitor(told):
 
 def play(
     monitor, seconds, asked=ALONG, force=12.0, goes=0.0, at=None, aside=0.0, lever=0.005, turns=0.0,
-    turning=0.0,
+    turning=0.0, limits=(),
 ):  # fmt: skip
     """Ask for a velocity, go a part of it, press along x with a force; return where it came to.
 
@@ -46,7 +51,9 @@ def play(
         twists = {"joystick": np.array([*u, 0.0, 0.0, turning]), "force": -np.ones(6)}
         pose = Pose(rotation_exp(np.array([0.0, 0.0, k * T * turns])), at)
         seen, desired = SimpleNamespace(wrench=wrench), SimpleNamespace(twists=twists)
-        monitor.update(SimpleNamespace(seen=seen, desired=desired, T_world_mrf_measured=pose))
+        monitor.update(
+            SimpleNamespace(seen=seen, desired=desired, T_world_mrf_measured=pose, limits=limits)
+        )
     return at
 
 
@@ -94,6 +101,23 @@ def test_without_a_reading_nothing_is_known(monitor, told):
     play(monitor, 1.5)
     play(monitor, 0.2, force=None)
     play(monitor, 1.5)
+    assert told == []
+
+
+@pytest.mark.parametrize("force", [None, 0.0], ids=["no sensor", "sensor"])
+def test_what_only_the_leash_tells_of_is_told_with_the_joints(monitor, told, force):
+    play(monitor, JAMMED_S - 0.2, force=force, limits=("press", "leash:s2", "leash:e1"))
+    play(monitor, JAMMED_S + 0.2, force=force, limits=("leash:s2",))
+    assert [name for name, _ in told] == ["held_up"]
+    assert "with s2 far behind the command," in told.details[0]
+    assert not monitor.jammed
+
+
+def test_a_leash_that_lets_the_tool_get_on_holds_nothing_up(monitor, told):
+    at = play(monitor, 5.0, force=0.0, goes=0.5, limits=("leash:s2",))
+    play(monitor, 1.5, force=0.0, at=at, limits=("leash:s2",))
+    play(monitor, 0.2, force=0.0, at=at)
+    play(monitor, 1.5, force=0.0, at=at, limits=("leash:s2",))
     assert told == []
 
 
