@@ -321,6 +321,11 @@ def _torso(part: PartOf, torso: TorsoSection) -> Iterator[str]:
         yield f"{part.place}.torso.weight: {count} values for {joints} joints; give one or {joints}"
     if part.config.mechanism.force_torque is not None:
         yield f"{part.place}.force_torque: others stand where it measures: leave it out"
+    if part.config.touch is not None:
+        yield (
+            f"{part.place}.touch: torques are judged by the loads of a mechanism alone, and this "
+            "one carries others: switch it off, by touch = false"
+        )
     yield from _unable(part, "carries others")
 
 
@@ -336,11 +341,6 @@ def _unable(part: PartOf, what: str) -> Iterator[str]:
         yield (
             f"{part.place}.operation_mode: value 'cst': the torque law knows the loads of a "
             f"mechanism alone, and this one {what}: give csp or csv"
-        )
-    if part.config.touch is not None:
-        yield (
-            f"{part.place}.touch: torques are judged by the loads of a mechanism alone, and this "
-            f"one {what}: switch it off, by touch = false"
         )
 
 

@@ -27,7 +27,10 @@ def test_what_stands_on_a_torso_is_where_that_has_it_at_start():
     [
         ("[mechanisms.torso]\nweight = [0.5, 1.0]", "", "on: value 'torso': has no [torso]"),
         ("weight = [0.5, 1.0]", "weight = [1, 1, 1]", "torso.weight: 3 values for 2 joints"),
-        ("touch = false", "", "touch: torques are judged by the loads of a mechanism alone"),
+        (
+            "[mechanisms.torso]", "[mechanisms.touch]\ntorque = [9.0]\n\n[mechanisms.torso]",
+            "touch: torques are judged by the loads of a mechanism alone",
+        ),
         ('on = "torso"', 'on = "trunk"', "on: value 'trunk': no such mechanism"),
         ('on = "torso"', 'on = "right"', "on: value 'right': has no [torso]"),
         ('on = "torso"', 'on = "left"', "goes round in a circle: left on left"),

@@ -147,3 +147,22 @@ def test_a_fault_of_a_drive_of_the_torso_stops_both_arms(cell, target):
     assert np.abs(run.speeds(1.0, 1.2)).max() > 0.05
     assert np.abs(run.speeds(1.8, 2.0)).max() < 2e-3
     assert not any(s == "operation_enabled" for s in run.truths[-1].drives)
+
+
+@pytest.mark.parametrize("pushed", ["left", "right"])
+def test_a_push_at_an_elbow_is_felt_while_the_torso_turns_both_arms(cell, pushed):
+    lead = {"twist": [0.0, 0.08, 0.05, 0.0, 0.0, 0.0], "expressed_in": "world"}
+    push = {"kind": "push", "target": f"{pushed}.e1", "vector": [0.0, 0.0, -40.0]}
+    steps = [
+        {"at_s": 0.3, "cmd/joystick": {**lead, "task": "left"}},
+        {"at_s": 0.3, "cmd/joystick": {**lead, "task": "right"}},
+        {"at_s": 2.0, "rig/fault": push},
+    ]
+    script = Script.model_validate({"duration_s": 3.5, "step": steps})
+    simulation = Simulation(cell, script)
+    run = Run(simulation, simulation.run())
+    (felt,) = run.events("touched")
+    assert felt.values["joint"].startswith(f"{pushed}.")
+    assert 2.0 < felt.time_s - simulation.player.start_s < 3.0
+    assert run.summary["mode"] == "hold"
+    assert run.summary["limit_violations"] == 0
