@@ -25,7 +25,8 @@ WRENCHES = [
 def cell(mode, bias=(0.0,) * 6, **rig):
     """Return the cell whose sensor has a bias (6,) more than the daemon is told.
 
-    Its motors give torque as soon as the brakes open: nothing sinks before.
+    Its motors give torque as soon as the brakes open: nothing sinks before. Joints do not feel that
+    the sensor lies, which would stop the arm: what the torque law makes of it is the subject.
     """
     loaded = load_cell("pa10_hand_torque")
     told = np.subtract(loaded.config.mechanism.force_torque.bias, bias)
@@ -35,6 +36,7 @@ def cell(mode, bias=(0.0,) * 6, **rig):
             "mechanism.operation_mode": mode,
             "mechanism.force_torque.bias": tuple(told),
             "rig.drive.torque_delay_s": 0.0,
+            "touch": None,
             **{f"rig.{key}": value for key, value in rig.items()},
         },
     )
