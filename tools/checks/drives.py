@@ -246,8 +246,8 @@ def contact(cell: Cell) -> Iterator[Finding]:
         yield Finding("contact", Severity.WARN, text, {"torque": most})
     else:
         least, most = min(section.torque), max(section.torque)
-        text = f"felt from {least:g} to {most:g} N·m (N) a joint on, given way to by up to "
-        yield Finding("contact", Severity.OK, f"{text}{section.leash:g} rad", {"torque": least})
+        text = f"felt from {least:g} to {most:g} N·m (N) on, given way by {section.leash:g} rad"
+        yield Finding("contact", Severity.OK, text, {"torque": least})
 
 
 def reading_finding(check: str, found: Used, turned: Used) -> Finding:

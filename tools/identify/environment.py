@@ -181,7 +181,6 @@ class PressGuide(Leader):
         yield from self._restored()
 
     def _prepared(self) -> Course:
-        """Make force control gentle, and the only source."""
         task = self._told
         moving = [name for name, twist in task.sources.items() if np.abs(twist).max() > 1e-3]
         if moving and moving != ["force"]:

@@ -416,7 +416,6 @@ class PageHub:
             page.tell_text(text)
 
     def _tell_surroundings(self, now_s: float) -> None:
-        """Pass on what the sensors and the rig tell."""
         if self._surroundings is None:
             return
         for kind, text in self._surroundings.turn(now_s, bool(self.pages)):
