@@ -435,10 +435,10 @@ BESIDE = 2e-3
 """A push whose line passes the MRF by more than this is one on an edge [m]."""
 TILTS = 0.03
 """If its moment is more than this: the sensor's payload is known no better [N·m]."""
-LEASH = "leash:"
-"""Begin of a limit's name, before the joint that is too far behind its command."""
 ASIDE = 0.3
 """And so is one that is answered from the side by more than that part of it [1]."""
+LEASH = "leash:"
+"""Begin of a limit's name, before the joint that is too far behind its command."""
 
 
 _NOWHERE: Final = np.zeros((0, 3))
@@ -521,13 +521,15 @@ class JamMonitor:
         places = self._progress(seen[0].T, seen[-1].T, asked, turning, along)
         way, asked_m = least = max(places, key=lambda place: place.left)
         pressed = min(float(sample.force @ along) for sample in seen)
-        unseen = frozenset[str]() if pressed > PRESSED_N else seen[0].behind
-        unseen = unseen.intersection(*(sample.behind for sample in seen))
-        held = least.left > 0.0 and (pressed > PRESSED_N or bool(unseen))
+        stuck, pushed = least.left > 0.0, pressed > PRESSED_N
+        unseen: frozenset[str] = frozenset()
+        if not pushed:
+            unseen = seen[0].behind.intersection(*(sample.behind for sample in seen))
+        held = stuck and (pushed or bool(unseen))
         force = np.mean([sample.force for sample in seen], axis=0)
         moment = np.mean([sample.moment for sample in seen], axis=0)
-        seen_held = held and not unseen
-        jammed = seen_held and (len(self._grasps) > 0 or _on_edge(force, moment, along))
+        on_edge = pushed and (len(self._grasps) > 0 or _on_edge(force, moment, along))
+        jammed = stuck and on_edge
         if (jammed and not self.jammed) or (held and not self._held):
             push = float(force @ along)
             what = f"pressed with {push:.1f} N"

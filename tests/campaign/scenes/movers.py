@@ -245,8 +245,7 @@ class Chase:
         """Return where a mover meets the arm, if it does on a way (3,) [m]."""
         far, found = float(np.linalg.norm(way)), None
         for gap, geom, at in self._gaps(mover, far):
-            away = self._place[mover] - at
-            away /= max(float(np.linalg.norm(away)), 1e-9)
+            away = self._towards(mover, at)
             if gap <= max(0.0, -float(way @ away)):
                 found = Touch(away, self._escape(mover, self._retreat(geom, at, away)))
         return found
@@ -262,6 +261,11 @@ class Chase:
             if gap <= within:
                 yield gap, geom, fromto[:3]
 
+    def _towards(self, mover: str, at: Vector) -> Vector:
+        """Return the direction (3,) from a place on the arm to a mover."""
+        way = self._place[mover] - at
+        return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
+
     def _retreat(self, geom: int, at: Vector, away: Vector) -> Vector:
         """Return how a place (3,) on the arm leaves what is `away` (3,) with the joints (n,)."""
         return -away @ self._jacobian(int(self._model.geom_bodyid[geom]), at)
@@ -274,9 +278,7 @@ class Chase:
                 continue
             within = PROMISE + m.obstacle.max_speed * (NEWS_EVERY_S + ACTS_AFTER * self._period_s)
             for _, geom, at in self._gaps(other, within):
-                away = self._place[other] - at
-                away /= max(float(np.linalg.norm(away)), 1e-9)
-                beside.append(self._retreat(geom, at, away))
+                beside.append(self._retreat(geom, at, self._towards(other, at)))
         return greatest_beside(retreat, np.array(beside).reshape(-1, len(retreat)), self._fastest)
 
     def _jacobian(self, body: int, at: Vector) -> Vector:

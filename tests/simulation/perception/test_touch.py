@@ -123,7 +123,7 @@ def test_a_sensor_that_is_mounted_otherwise_than_told_lets_nobody_press(play, pa
 
 
 @pytest.mark.parametrize("name", ["ur5e", "pa10_vision"])
-def test_what_a_link_is_led_onto_is_let_go_of_in_every_cell(play, name):
+def test_what_a_link_is_led_onto_is_let_go_of_in_other_cells_too(play, name):
     """A stick of 50 mm/s: links that no sensor sees pressed the table with 594 and 555 N."""
     run = play(
         {"at_s": 0.0, "cmd/posture": {"posture": "ready"}},

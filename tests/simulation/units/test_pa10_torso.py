@@ -164,5 +164,6 @@ def test_a_push_at_an_elbow_is_felt_while_the_torso_turns_both_arms(cell, pushed
     (felt,) = run.events("touched")
     assert felt.values["joint"].startswith(f"{pushed}.")
     assert 2.0 < felt.time_s - simulation.player.start_s < 3.0
+    assert (np.abs(run.speeds(1.9, 2.0)[:, :2]) > 0.02).all()
     assert run.summary["mode"] == "hold"
     assert run.summary["limit_violations"] == 0
