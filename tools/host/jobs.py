@@ -25,7 +25,7 @@ from tqdm import tqdm
 from ...config.errors import ConfigError, printable
 
 DEATHS: Final = 3  # a job whose worker has died so often is given up [1]
-LOOK_S: Final = 1.0  # time between two looks at which workers of a cluster are still there [s]
+LOOK_S: Final = 1.0  # time between two looks at who interrupts, or which workers are there [s]
 DIAL_S: Final = 10.0  # time that a cluster has to answer [s]
 SCHEME: Final = "dask://"
 
@@ -82,8 +82,7 @@ def run_all(
     results: dict[int, R] = {}
     if place.rows is not None and place.resume:
         kept = dict(_kept(place.rows))
-        found = [i for i, name in enumerate(names) if name in kept]
-        results = {i: unpack(jobs[i], kept[names[i]]) for i in found}
+        results = {i: unpack(jobs[i], kept[n]) for i, n in enumerate(names) if n in kept}
     left = [i for i in range(len(jobs)) if i not in results]
     interrupted = False
     with (
@@ -123,8 +122,7 @@ class _Lane:
     """A process that runs one job at a time: whose worker dies is known, and at which job."""
 
     def __init__(self) -> None:
-        # Spawned, not forked: a run must depend on its job alone.
-        # Ctrl-C is for the process that hands out the jobs.
+        # Spawned: a run must depend on its job alone. Ctrl-C is for who hands out the jobs.
         ignored = signal.SIGINT, signal.SIG_IGN
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, ignored)
         self.pid = self._pool.submit(os.getpid).result()
@@ -141,36 +139,39 @@ class _Lane:
 def _on_processes(
     work: Callable[[J], R], jobs: Sequence[J], left: list[int], names: list[str], processes: int
 ) -> Generator[tuple[int, R], None, None]:
-    waiting, deaths = deque(left), Counter[int]()
+    waiting, deaths = deque(left[processes:]), Counter[int]()
     running: dict[Future[R], tuple[_Lane, int]] = {}
     lanes: list[_Lane] = []
+    # Raised wherever it comes, Ctrl-C could leave a future's lock taken, and end nothing.
+    interrupts: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    if before != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
     try:
-        for _ in range(min(processes, len(left))):
+        for i in left[:processes]:
             lanes.append(_Lane())
-            first = waiting.popleft()
-            running[lanes[-1].submit(work, jobs[first])] = lanes[-1], first
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            running[lanes[-1].submit(work, jobs[i])] = lanes[-1], i
+        while running and not interrupts:
+            for future in wait(running, LOOK_S, FIRST_COMPLETED).done:
                 lane, i = running.pop(future)
                 try:
-                    result = future.result()
+                    yield i, future.result()
                 except BrokenProcessPool:
                     deaths[i] += 1
                     if deaths[i] == DEATHS:
                         raise WorkersDiedError(f"{names[i]}: {DEATHS} workers died of it") from None
                     _say(f"worker {lane.pid} died: run again: {names[i]}")
                     waiting.appendleft(i)
-                    lanes.remove(lane)
-                    lane = _Lane()
-                    lanes.append(lane)
-                else:
-                    yield i, result
+                    lanes[lanes.index(lane)] = lane = _Lane()
                 if waiting:
                     i = waiting.popleft()
                     running[lane.submit(work, jobs[i])] = lane, i
     finally:
         for lane in lanes:
             lane.close()
+        signal.signal(signal.SIGINT, before)
+    if interrupts:
+        raise KeyboardInterrupt
 
 
 def _on_cluster(
@@ -222,8 +223,7 @@ class _Rows:
             path.parent.mkdir(parents=True, exist_ok=True)
             whole = path.read_bytes() if resume and path.exists() else b""
             # A line that was cut off, as by a power failure, is none.
-            whole = whole[: whole.rfind(b"\n") + 1]
-            path.write_bytes(whole)
+            path.write_bytes(whole[: whole.rfind(b"\n") + 1])
             self._file = path.open("a", encoding="utf-8")
 
     def __enter__(self) -> Self:

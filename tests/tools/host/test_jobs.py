@@ -110,6 +110,36 @@ def test_an_interrupted_work_keeps_what_is_done_and_goes_on_from_there(tmp_path)
     assert again.results == [1, 2, 3]
 
 
+def test_an_interruption_breaks_nothing_off():
+    """Nothing is left half done, as a lock that is taken; it counts after what is being done."""
+    heard = []
+
+    def told(result):
+        signal.raise_signal(signal.SIGINT)
+        heard.append(result)
+        return ""
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        finished = run_all(eval, ["1", "__import__('time').sleep(600)"], Place(2), "sums", told)
+        assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (heard, finished.results, finished.interrupted) == ([1], [1], True)
+
+
+def test_an_interruption_at_the_last_result_is_told():
+    """What asked for the work would begin the next one otherwise."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        finished = run_all(
+            eval, ["1", "2"], Place(2), "sums", lambda _: signal.raise_signal(signal.SIGINT) or ""
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert finished.interrupted
+
+
 def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path, capsys):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
