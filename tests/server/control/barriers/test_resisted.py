@@ -17,7 +17,8 @@ class GraspState:
         follows = self.delayed[-2] - self.away
         output = self.run.tick(stick=stick or self.stick, q_measured=follows, **inputs)
         self.delayed.append(output.q)
-        window = self.run.arm.p.joints.following_window
+        joints = self.run.arm.p.joints
+        window = np.minimum(joints.following_window, 2.0 * joints.leash)  # what a command keeps to
         self.worst = max(self.worst, float((np.abs(output.seen.error) / window).max()))
         return output
 
