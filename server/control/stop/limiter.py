@@ -98,11 +98,11 @@ class Limiter:
         Those of each part, as of one arm, get to their rates together; all where there are none.
         """
         self._lower, self._upper = joints.lower, joints.upper
-        self._acceleration = HEADROOM * joints.acceleration
-        self._jerk = HEADROOM * joints.jerk
-        self._period_s = period_s
-        self._planner = VelocityPlanner(self._acceleration, self._jerk, groups, parts)
-        self._factor = 1.0
+        self._velocity, self._period_s = (1.0 + TOLERANCE) * joints.velocity, period_s
+        self._planner = VelocityPlanner(
+            HEADROOM * joints.acceleration, HEADROOM * joints.jerk, groups, parts
+        )
+        self._scale = 1.0
 
     def verified_stop(self, motion: Motion) -> Stop:
         """Return the stop from a motion."""
@@ -119,12 +119,14 @@ class Limiter:
         """Return the motion one period later on the way to joint rates `target` (n,).
 
         `held` is the stop verified from `motion`; `factor` is the reduced-speed setting, which
-        scales the acceleration (speeds are scaled before, jerk stays: it decides how promptly the
-        arm reacts).
+        scales the acceleration of joints that are no faster than it allows (speeds are scaled
+        before, jerk stays: it decides how promptly the arm reacts). It scales no stop.
         """
-        if factor != self._factor:
-            self._planner.set_bounds(factor * self._acceleration, self._jerk)
-            self._factor = factor
+        beyond = factor < 1.0 and bool((np.abs(motion.dq) > factor * self._velocity).any())
+        scale = 1.0 if beyond else factor
+        if scale != self._scale:
+            self._planner.scale(scale)
+            self._scale = scale
         if not nonzero(target) and motion.stands():
             return Limited(motion, held, False)
         least, least_bad = np.inf, None

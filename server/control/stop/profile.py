@@ -209,13 +209,15 @@ def _reach(q: Array, dq: Array, ddq: Array, phases: Array, low: Array, high: Arr
 
 
 @compiled(
-    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, INDEX, TABLE, STACK, ROW, ROW
-)
+    VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER, FLAG, INDEX, TABLE, STACK, ROW,
+    ROW,
+)  # fmt: skip
 def step_and_stop(
     q: Array,
     dq: Array,
     ddq: Array,
     target: Array,
+    stepping: Array,
     acceleration: Array,
     jerk: Array,
     period_s: float,
@@ -228,10 +230,11 @@ def step_and_stop(
 ) -> float:
     """Write what `stepped` returns, the phases (2, 4, n) of the quickest stop, and its reach.
 
-    The phases are zeros before. Returns how long the stop lasts [s].
+    The step takes the accelerations `stepping` at most. The phases are zeros before. Returns how
+    long the stop lasts [s].
     """
     n = len(q)
-    _step(q, dq, ddq, target, acceleration, jerk, period_s, together, ends, moved)
+    _step(q, dq, ddq, target, stepping, jerk, period_s, together, ends, moved)
     _plan(moved[1], moved[2], np.zeros(n), acceleration, jerk, False, phases)
     return _reach(moved[0], moved[1], moved[2], phases, low, high)
 

@@ -86,6 +86,8 @@ def _calculated(
 class VelocityPlanner:
     """Velocity targets for n degrees of freedom under acceleration and jerk bounds (n,).
 
+    Steps may be told to take a part of the acceleration; stops take all of it.
+
     Freedoms of a group brake in proportion, so that the slowest decides: along a straight line, if
     their accelerations are already in proportion to their velocities. Others brake on their own.
     """
@@ -118,20 +120,20 @@ class VelocityPlanner:
         self._input = ruckig.InputParameter(n)
         self._input.control_interface = ruckig.ControlInterface.Velocity
         self._input.synchronization = ruckig.Synchronization.Phase
-        self.set_bounds(acceleration, jerk)
-
-    def set_bounds(self, acceleration: Array, jerk: Array) -> None:
-        """Change the acceleration and jerk bounds (n,)."""
-        self._bounds = acceleration, jerk
-        self._input.max_acceleration = acceleration
         self._input.max_jerk = jerk
+        self._bounds = acceleration, jerk
+        self.scale(1.0)
+
+    def scale(self, factor: float) -> None:
+        """Let steps take a part of the acceleration bound."""
+        self._stepping = factor * self._bounds[0]
 
     def step(self, motion: Motion, target: Array, period_s: float, synchronised: bool) -> Motion:
         """Return the motion one period later on the way to velocities `target` (n,).
 
         Those of a group always arrive together.
         """
-        acceleration, jerk = self._bounds
+        acceleration, jerk = self._stepping, self._bounds[1]
         try:
             if not self._parts:
                 together = synchronised or bool(self._groups)
@@ -162,7 +164,7 @@ class VelocityPlanner:
         moved, phases, low, high = np.empty((3, n)), np.zeros((2, 4, n)), np.empty(n), np.empty(n)
         try:
             duration_s = step_and_stop(
-                *motion, target, *self._bounds, period_s, synchronised, self._ends,
+                *motion, target, self._stepping, *self._bounds, period_s, synchronised, self._ends,
                 moved, phases, low, high,
             )  # fmt: skip
         except ValueError as error:
@@ -189,8 +191,9 @@ class VelocityPlanner:
 
         Both in a straight line, as far as the motion of now allows: all freedoms keep their shares.
         """
-        moved = _state(self._straight(motion, target).at_time(period_s))
-        return moved, Stop.along(moved, _phases(self._straight(moved, np.zeros(self._n))))
+        moved = _state(self._straight(motion, target, self._stepping).at_time(period_s))
+        stop = self._straight(moved, np.zeros(self._n), self._bounds[0])
+        return moved, Stop.along(moved, _phases(stop))
 
     def stop(self, motion: Motion) -> Stop:
         """Return the quickest stop: of each group in proportion, of other freedoms on their own."""
@@ -205,8 +208,8 @@ class VelocityPlanner:
             raise TrajectoryError(f"stop from {motion}: {error}") from error
         return Stop.along(motion, phases)
 
-    def _straight(self, motion: Motion, target: Array) -> "ruckig.Trajectory":
-        self._input.target_velocity = target
+    def _straight(self, motion: Motion, target: Array, acceleration: Array) -> "ruckig.Trajectory":
+        self._input.target_velocity, self._input.max_acceleration = target, acceleration
         return _calculated(self._ruckig, self._input, motion, "velocity", target)
 
 

@@ -197,11 +197,23 @@ def test_reduced_speed_reduces_the_acceleration_and_not_the_jerk(factor):
                 expected = min(0.9999 * 100.0 * T, again * 0.9999 * 5.0)
                 assert motion.ddq == pytest.approx(expected)
     assert motion.ddq == pytest.approx(factor * 0.9999 * 5.0)
-    # And so does the stop that is held.
-    slow = Limiter(bounded(-1.0, 100.0, factor * 5.0, 100.0), T)
-    assert limiter.verified_stop(motion).duration_s == pytest.approx(
-        slow.verified_stop(motion).duration_s
-    )
+    # The stop that is held takes all of it, however slow the arm is to be.
+    fast = one_joint(upper=100.0)
+    assert limiter.verified_stop(motion).duration_s == fast.verified_stop(motion).duration_s
+    assert stop.duration_s == fast.verified_stop(motion).duration_s
+
+
+def test_what_is_faster_than_a_reduced_speed_allows_slows_down_with_all_of_the_acceleration():
+    """At 2 rad/s it is told that a tenth of 3 rad/s is the most from now on."""
+    limiter = Limiter(bounded(-9.0, 9.0, 5.0, 100.0)._replace(velocity=np.array([3.0])), T)
+    motion = Motion(np.zeros(1), np.array([2.0]), np.zeros(1))
+    stop, slow_s = limiter.verified_stop(motion), None
+    for tick in range(200):
+        motion, stop, *_ = limiter.step(motion, stop, np.array([0.2]), 0.1)
+        if slow_s is None and abs(motion.dq[0]) < 0.31:
+            slow_s = T * tick
+    assert slow_s == pytest.approx((2.0 - 0.3) / 5.0 + 0.05, abs=0.03)
+    assert motion.dq == pytest.approx(0.2)
 
 
 def tried(target, refused, judge_of=lambda stop: 0.0):
