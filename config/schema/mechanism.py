@@ -333,6 +333,12 @@ class SweepSection(Section):
 
 RPDO_BYTES: Final = {"csp": 6, "csv": 6, "cst": 4}
 """Controlword, and the setpoint of each operation mode."""
+FELT_S: Final = 0.03
+"""Time after which the stop of a joint that felt something begins [s]."""
+SPARE: Final = 1.5
+"""A following window is so many times what a joint falls behind by alone: others push it [1]."""
+MOST_WINDOW: Final = 2.0
+"""Greatest following window [rad]."""
 MOST_DRIVES: Final = 64
 """Joints of a cell [1]."""
 JointName = UrdfName
@@ -384,8 +390,13 @@ class DriveSection(CanOpenNodeSection):
     leash: float = Field(
         0.03, gt=0, le=1, description="command may run ahead of the joint by at most [rad]"
     )
-    following_window: float = Field(
-        0.06, gt=0, le=2, description="following error that means quick stop, also 6065h [rad]"
+    following_window: float | None = Field(
+        None,
+        gt=0,
+        le=MOST_WINDOW,
+        description="following error that means quick stop, also 6065h; none: half more than what "
+        "a joint that meets something at full speed falls behind until its stop has ended, "
+        "1.5 (v²/(2 A) + 0.03 s · v), and at least twice the leash [rad]",
     )
     max_torque_rate: float | None = Field(
         None, gt=0, le=1e7, description="what a commanded torque may change by in CST [N·m/s]"
@@ -411,11 +422,18 @@ class DriveSection(CanOpenNodeSection):
 
     @model_validator(mode="after")
     def _leash_inside_window(self) -> "DriveSection":
-        if self.leash >= self.following_window:
-            raise ValueError(
-                f"leash {self.leash} must be below following_window {self.following_window}"
-            )
+        if self.leash >= self.window:
+            raise ValueError(f"leash {self.leash} must be below following_window {self.window}")
         return self
+
+    @property
+    def window(self) -> float:
+        """The following window, told or not [rad]."""
+        if self.following_window is not None:
+            return self.following_window
+        falls_behind = self.max_velocity**2 / (2.0 * self.max_acceleration)
+        falls_behind += FELT_S * self.max_velocity
+        return min(max(SPARE * falls_behind, 2.0 * self.leash), MOST_WINDOW)
 
     def frames(self, operation_mode: str) -> tuple[BusFrames, ...]:
         """Return its answer to SYNC and its setpoint."""

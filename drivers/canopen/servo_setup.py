@@ -152,7 +152,7 @@ def steps(
     yield SetupWrite(Object.QUICK_STOP_OPTION, 0, I16, QuickStopOption.RAMP_THEN_DISABLE)
     ramp = min(round(drive.quick_stop_deceleration * scale), 2**32 - 1)
     yield SetupWrite(Object.QUICK_STOP_DECELERATION, 0, U32, ramp)
-    yield SetupWrite(Object.FOLLOWING_WINDOW, 0, U32, round(drive.following_window * scale))
+    yield SetupWrite(Object.FOLLOWING_WINDOW, 0, U32, round(drive.window * scale))
     yield SetupWrite(Object.FOLLOWING_TIMEOUT, 0, U16, _ms(timing.period_s))
     yield from position_limits(drive, lower, upper)
     value, exponent = interpolation_period(timing.period_s)
@@ -195,7 +195,7 @@ def room(drive: DriveSection, lower: float, upper: float, q: float) -> tuple[flo
     reaches a following window beyond the joint. A drive clamps setpoints beyond 607Dh, so it would
     take the joint to the limit at once, and as fast as its loops can, when it is enabled.
     """
-    near, window = max(drive.position_margin, SAG), drive.following_window
+    near, window = max(drive.position_margin, SAG), drive.window
     return (
         min(lower, q - window) if q < lower + near else lower,
         max(upper, q + window) if q > upper - near else upper,

@@ -120,7 +120,7 @@ class Parameters:
                 acceleration=np.array([d.max_acceleration for d in ordered]),
                 jerk=np.array([d.max_jerk for d in ordered]),
                 leash=np.array([d.leash for d in ordered]),
-                following_window=np.array([d.following_window for d in ordered]),
+                following_window=np.array([d.window for d in ordered]),
                 rated_torque=np.array([d.rated_torque for d in ordered]),
             ),
             limits=c.limits,

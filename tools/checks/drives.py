@@ -133,7 +133,7 @@ def enabling(cell: Cell) -> Iterator[Finding]:
         if joint.name in cell.config.mechanism.wheels:
             continue  # they have no limits
         setpoint = Setpoint(drive, OperationMode.CSP)
-        for angle in (joint.lower - drive.following_window, joint.upper + drive.following_window):
+        for angle in (joint.lower - drive.window, joint.upper + drive.window):
             try:
                 setpoint.raw(angle)
             except ValueError as error:

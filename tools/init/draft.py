@@ -299,7 +299,7 @@ def _stands(draft: Draft, drafts: Sequence[Draft]) -> list[str]:
 
 def _drive(node: int, drive: DriveDraft, table: str) -> list[str]:
     unit, near = ("m", 0.005) if drive.prismatic else ("rad", 0.01)
-    window = ["leash = 0.01", "following_window = 0.02"] if drive.prismatic else []
+    window = ["leash = 0.01"] if drive.prismatic else []
     if drive.rolls:
         window = ["leash = 0.1", "following_window = 0.3"]
     limits = (("lower", drive.lower), ("upper", drive.upper))

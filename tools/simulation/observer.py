@@ -221,7 +221,7 @@ def _joint(entry: Entry, part: Cell) -> _Joint:
         bounds=(drive.max_velocity, drive.max_acceleration, drive.max_jerk),
         step=1.0 / drive.counts_per_radian,
         torque_bounds=(drive.max_torque, drive.max_torque_rate or float("inf")),
-        fastest=drive.max_velocity + part.config.torque.speed_gain * drive.following_window,
+        fastest=drive.max_velocity + part.config.torque.speed_gain * drive.window,
         low=joint.lower,
         high=joint.upper,
         turns=Unwrapped() if drive.joint in part.config.mechanism.wheels else None,

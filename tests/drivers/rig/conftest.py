@@ -85,7 +85,7 @@ class Master:
             self.write(joint, Com.CONSUMER_HEARTBEAT, 1, "<I", beat)
             self.write(joint, Com.PRODUCER_HEARTBEAT, 0, "<H", 50)
             self.write(joint, Object.SETPOINT_TIMEOUT, 0, "<H", 80)
-            window = round(drive.following_window * drive.counts_per_radian)
+            window = round(drive.window * drive.counts_per_radian)
             self.write(joint, Object.FOLLOWING_WINDOW, 0, "<I", window)
             ramp = round(drive.quick_stop_deceleration * drive.counts_per_radian)
             self.write(joint, Object.QUICK_STOP_DECELERATION, 0, "<I", ramp)

@@ -139,3 +139,50 @@ def test_what_a_link_is_led_onto_is_let_go_of_in_other_cells_too(play, name):
     assert run.summary["mode"] == "hold"
     assert run.events("touched")
     assert max(force[-50:]) < 30.0
+
+
+# A joint at full speed, and the middle of a crate in its tool's way, where the cell has nothing.
+CRASHES = {
+    "ur5e": ([0.0, 1.5, 0.0, 0.0, 0.0, 0.0], None),
+    "gantry": ([0.0, 0.6] + 7 * [0.0], (-0.45, 0.35, 0.89)),
+    "pa10_hand": ([0.0, 0.0, 0.0, 0.0, 0.0, -3.0, 0.0], (0.75, 0.0, 0.46)),
+}
+
+
+def crashed(name, *steps):
+    """Return a run of a joint that goes on at full speed into something."""
+    rates, crate = CRASHES[name]
+    cell = load_cell(name)
+    if crate is not None:
+        crates = [{"name": "crate", "xyz": crate, "half_size": (0.04, 0.04, 0.04)}]
+        cell = altered(cell, {"rig.boxes": crates})
+    jog = {"at_s": 2.5, "for_s": 2.0, "cmd/jog": {"rates": rates}}
+    posture = {"at_s": 0.0, "cmd/posture": {"posture": "ready"}}
+    script = {"duration_s": 5.5, "step": [posture, jog, *steps]}
+    simulation = Simulation(cell, Script.model_validate(script))
+    return Run(simulation, simulation.run())
+
+
+def stands_free(run):
+    assert run.events("touched")
+    assert run.events("fault") == []
+    assert run.summary["mode"] == "hold"
+    force = [float(np.linalg.norm(truth.contact_force)) for truth in run.truths]
+    assert max(force) > 100.0
+    assert max(force[-50:]) < 5.0
+
+
+@pytest.mark.parametrize("name", CRASHES)
+def test_a_joint_at_full_speed_that_meets_something_stops_in_its_window_and_lets_go(name):
+    """With windows of 0.06 rad the drives quick-stopped, and 558, 972 and 285 N stayed."""
+    stands_free(crashed(name))
+
+
+def test_a_reduced_speed_that_is_told_just_before_a_contact_makes_the_stop_no_longer():
+    """Stops took a tenth of the acceleration then: following error, and 331 N stayed."""
+    run = crashed("ur5e", {"at_s": 3.14, "operator/speed": {"factor": 0.1}})
+    (told,), felt = run.events("speed_set"), run.events("touched")[0]
+    assert 0.0 < felt.time_s - told.time_s < 0.06
+    stands_free(run)
+    at_rest_s = next(state.time_s for state in run.states if state.mode == "hold")
+    assert at_rest_s - felt.time_s < 0.25
