@@ -86,7 +86,11 @@ def test_a_file_that_is_not_text_is_refused(small):
         ("period_s = 0.01", "period_s = [1, 2]", r"timing\.period_s: value \[1, 2\]: .*number"),
         ("node = 2", "node = 200", r"mechanism\.drives\[1\]\.node: value 200: .*127"),
         ("node = 2", "node = 2.5", r"mechanism\.drives\[1\]\.node: value 2\.5: .*integer"),
-        ("node = 2", "node = 2\nleash = 1.0", r"mechanism\.drives\[1\]: leash 1\.0 must be below"),
+        (
+            "node = 2",
+            "node = 2\nleash = 1.0\nfollowing_window = 0.5",
+            r"mechanism\.drives\[1\]: leash 1\.0 must be below following_window 0\.5",
+        ),
         ('tip_link = "tip"', "", r"mechanism\.tip_link: missing: last link"),
         ("node = 2", "node = 1", r"mechanism\.drives\[1\]\.node: value 1: already .*'j1'"),
         ("node = 2", "node = 127", r"mechanism\.drives\[1\]\.node: value 127: .* the daemon"),
@@ -281,6 +285,21 @@ def test_blanks_around_a_number_cost_no_link_its_inertia(small):
 def test_a_slide_keeps_its_metres(small):
     small.replace_in_urdf('name="j1" type="revolute"', 'name="j1" type="prismatic"')
     assert load_cell(small.cell).robot.joints[0].kind == "prismatic"
+
+
+@pytest.mark.parametrize(
+    ("told", "window"),
+    [
+        ("", 1.5 * (1.5**2 / (2.0 * 10.0) + 0.03 * 1.5)),
+        ("\nleash = 0.2", 0.4),  # twice the leash is more
+        ("\nfollowing_window = 0.07", 0.07),
+    ],
+)
+def test_a_window_that_is_not_told_is_what_a_stop_from_full_speed_takes_and_half_more(
+    small, told, window
+):
+    cell = load_cell(small.replace("max_jerk = 200.0", "max_jerk = 200.0" + told))
+    assert cell.config.mechanism.drives[0].window == pytest.approx(window)
 
 
 def test_a_margin_that_leaves_nothing_of_the_range_is_refused(small):

@@ -213,6 +213,7 @@ class Cell:
             max_velocity=1,
             max_acceleration=5,
             max_jerk=50,
+            following_window=0.06,
         )
         self.ft = ForceTorqueSection(**sensor)
         self.fieldbus = Fieldbus(InProcessBus(self.hub), clock=lambda: self.hub.time_s)

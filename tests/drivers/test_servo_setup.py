@@ -31,6 +31,7 @@ def drive(**changes: Any) -> DriveSection:
             "max_velocity": 1,
             "max_acceleration": 5,
             "max_jerk": 50,
+            "following_window": 0.06,
             **changes,
         }
     )

@@ -279,7 +279,7 @@ def test_a_fault_is_reset_by_the_rising_edge_and_only_when_its_cause_is_gone(
 
 def test_a_blocked_joint_ends_in_a_following_error(enabled: Master) -> None:
     enabled.rig.inject(RigFault(kind="block", target=JOINT))
-    move(enabled, JOINT, -0.8, 20)
+    move(enabled, JOINT, -0.8, round(enabled.drives[JOINT].window / 0.8 / PERIOD_S) + 5)
     enabled.cycle(10)
     assert enabled.emergencies(JOINT) == [EmcyCode.FOLLOWING_ERROR]
     assert enabled.state(JOINT) is DriveState.FAULT
