@@ -74,7 +74,10 @@ class LimitsSection(Section):
     jerk: float = Field(40.0, gt=0, le=10_000, description="shaping of commands [m/s³]")
     angular_jerk: float = Field(120.0, gt=0, le=30_000, description="the same [rad/s³]")
     speed_factor: float = Field(
-        1.0, ge=0.01, le=1.0, description="reduced speed: one factor on all limits, at start [1]"
+        1.0,
+        ge=0.01,
+        le=1.0,
+        description="reduced speed: one factor on all limits but those of stops, at start [1]",
     )
 
 

@@ -101,7 +101,7 @@ class HoldTogether(Command):
 
 
 class SpeedRequest(Command):
-    """Sets the reduced-speed factor, one factor on all limits [1]."""
+    """Sets the reduced-speed factor, one factor on all limits but those of stops [1]."""
 
     factor: float = Field(ge=0.01, le=1.0)
 
