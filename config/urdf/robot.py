@@ -458,9 +458,13 @@ def with_sweep(
     joint, _ = root_joint(f"{where}.joint", robot, sweep.joint)
     if joint.kind != "revolute":
         raise ConfigError(f"{where}.joint: value '{sweep.joint}': must be of type revolute")
-    margin = next(
-        (d.position_margin for d in config.mechanism.drives if d.joint == sweep.joint), 0.0
-    )
+    drive = next((d for d in config.mechanism.drives if d.joint == sweep.joint), None)
+    if drive is not None and drive.following_window is None:
+        raise ConfigError(
+            f"{where}.joint: value '{sweep.joint}': its drive must tell following_window: a sweep "
+            "that sticks is noticed by it alone"
+        )
+    margin = 0.0 if drive is None else drive.position_margin
     for key, value in (("low", sweep.low), ("high", sweep.high)):
         if not joint.lower + margin < value < joint.upper - margin:
             raise ConfigError(

@@ -118,6 +118,8 @@ def test_news_of_a_base_on_wheels_is_believed_as_fast_as_the_wheels_go(cell):
         ),
         (('left = "wheel_left"', 'left = "j1"'), "must be of type continuous, about axis 0 1 0"),
         (('joint = "tilt"\nlow', 'joint = "tilts"\nlow'), "value 'tilts': no joint on the root"),
+        # What may meet things may fall behind; an axis that only looks, and sticks, looks nowhere.
+        (("following_window = 0.06\n", ""), "value 'tilt': its drive must tell following_window"),
     ],
 )
 def test_joints_beside_the_chain_are_on_the_root_link(cell, wrong, words):
