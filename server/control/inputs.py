@@ -345,3 +345,10 @@ class Inputs:
     """Joint rates that are asked for beside the task's twists."""
     self_motion: SelfMotionRequest = UNASKED
     """How the operator moves the spare joints."""
+
+    @property
+    def pace(self) -> float:
+        """The factor of reduced speed on joints [1]: giving way, which is slow, has all of it."""
+        pushed = self.pushed
+        gives_way = self.intent is Intent.HOLD and pushed is not None and pushed.touched
+        return 1.0 if gives_way else self.settings.speed_factor

@@ -131,7 +131,7 @@ class Control:
         )
         allowed, clear = self.allow.nearest(barred, around, [each.link for each in on])
         bodies = self._of_bodies(before, asked)
-        limited = self._limit(commanded, first, allowed, clear, on, bodies)
+        limited = self._limit(commanded, inputs, allowed, clear, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
         for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
@@ -183,7 +183,7 @@ class Control:
     def _limit(
         self,
         commanded: Commanded,
-        inputs: Inputs,
+        inputs: Sequence[Inputs],
         allowed: Sequence[Allowed],
         clear: Clear,
         on: Sequence[ActiveTask],
@@ -195,9 +195,9 @@ class Control:
         """
         motion, stop, _ = commanded
         limiter = self.limiter if self.joint is None or not on else self.joint.limiter(on)
-        if inputs.intent is Intent.STOP or any(each.stops for each in on):
+        if inputs[0].intent is Intent.STOP or any(each.stops for each in on):
             return limiter.go_on(stop)
-        if inputs.intent is Intent.SEED:
+        if inputs[0].intent is Intent.SEED:
             return Limited(motion, stop, False)
         judges: list[StopConstraint] = []
         if self.allow.guard is not None and clear.watch is not None:
@@ -206,7 +206,7 @@ class Control:
         judges += [each.violation for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
         dq = joined([granted.dq for granted in allowed])
-        return limiter.step(motion, stop, dq, inputs.settings.speed_factor, judge)
+        return limiter.step(motion, stop, dq, max(given.pace for given in inputs), judge)
 
     def _of_bodies(
         self, memories: Sequence[ArmMemory], asked: Sequence[tuple[ArmMeasurement, DesiredRates]]

@@ -78,7 +78,6 @@ class ConstraintSet:
         """
         self._names = tuple(arm.names for arm in joints)
         self._velocities = tuple(arm.velocity for arm in joints)
-        self._velocity = joined(self._velocities)
         self._length = length
         self.guard = guard
         self.rooms = tuple(JointLimits(arm, period_s) for arm in joints)
@@ -98,11 +97,10 @@ class ConstraintSet:
 
         Those of `links` hold one payload.
         """
-        settings, guard = around.inputs.settings, self.guard
-        factor = settings.speed_factor
+        guard = self.guard
         bounded, each, shares, limits, beyond = [], [], [], [], False
         for i, arm in enumerate(arms):
-            bounded.append(b := self._bounded(i, arm, factor))
+            bounded.append(b := self._bounded(i, arm))
             each.append(b.rates.dq)
             shares.append(b.rates.share)
             limits.append(b.limits)
@@ -112,7 +110,7 @@ class ConstraintSet:
         if groups:
             dq, shares, links = in_step(dq, self._counts, shares, shares, groups, links)
         watch, rows, broken, made_way = None, None, None, [False] * len(arms)
-        if guard is not None and settings.avoid:
+        if guard is not None and around.inputs.settings.avoid:
             watch = guard.watch(arms, around, dq)
             beside = guard.tool_shares(watch)
             if groups and min(beside) < 1.0:
@@ -138,7 +136,8 @@ class ConstraintSet:
             J = self._tools(arms, of_paths=True)
             low = joined([b.rates.low for b in bounded])
             high = joined([b.rates.high for b in bounded])
-            V = factor * self._velocity
+            own = zip(arms, self._velocities, strict=True)
+            V = joined([arm.seen.inputs.pace * most for arm, most in own])
             wheels = [
                 part.start
                 for part, arm in zip(self.parts, arms, strict=True)
@@ -179,10 +178,10 @@ class ConstraintSet:
             J[i][:, joints if own.shape[1] > self._counts[i] else part] = own
         return J
 
-    def _bounded(self, i: int, arm: BarrierInputs, factor: float) -> _Bounded:
+    def _bounded(self, i: int, arm: BarrierInputs) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.seen.commanded.motion.q
-        V = factor * self._velocities[i]
+        V = arm.seen.inputs.pace * self._velocities[i]
         rates, found = room.within(arm.desired.dq, V, q, arm.seen.error), arm.desired.found
         limits: tuple[str, ...] = ("joint_speed",) if rates.share < 1.0 else ()
         if found.n_locked:

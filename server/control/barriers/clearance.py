@@ -561,15 +561,14 @@ class CollisionConstraint:
         if self._near_speed is None:
             return [1.0] * len(watch.speeds)
         near, shares = watch.sight.near, []
-        for tool, speed in zip(self._tools, watch.speeds, strict=True):
+        for tool, speed, arm in zip(self._tools, watch.speeds, watch.arms, strict=True):
             gap = _least_beside(near.gap, near.obstacle, near.first, tool)
             if gap == math.inf:
                 shares.append(1.0)
                 continue
             far = (gap - self._clearance) / (self._near_distance - self._clearance)
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-            factor = watch.around.inputs.settings.speed_factor
-            shares.append(min(1.0, factor * bound / max(speed, 1e-12)))
+            shares.append(min(1.0, arm.seen.inputs.pace * bound / max(speed, 1e-12)))
         return shares
 
     def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
