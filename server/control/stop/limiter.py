@@ -102,7 +102,6 @@ class Limiter:
         self._planner = VelocityPlanner(
             HEADROOM * joints.acceleration, HEADROOM * joints.jerk, groups, parts
         )
-        self._scale = 1.0
 
     def verified_stop(self, motion: Motion) -> Stop:
         """Return the stop from a motion."""
@@ -123,10 +122,7 @@ class Limiter:
         before, jerk stays: it decides how promptly the arm reacts). It scales no stop.
         """
         beyond = factor < 1.0 and bool((np.abs(motion.dq) > factor * self._velocity).any())
-        scale = 1.0 if beyond else factor
-        if scale != self._scale:
-            self._planner.scale(scale)
-            self._scale = scale
+        self._planner.scale(1.0 if beyond else factor)
         if not nonzero(target) and motion.stands():
             return Limited(motion, held, False)
         least, least_bad = np.inf, None

@@ -204,16 +204,20 @@ def test_reduced_speed_reduces_the_acceleration_and_not_the_jerk(factor):
 
 
 def test_what_is_faster_than_a_reduced_speed_allows_slows_down_with_all_of_the_acceleration():
-    """At 2 rad/s it is told that a tenth of 3 rad/s is the most from now on."""
-    limiter = Limiter(bounded(-9.0, 9.0, 5.0, 100.0)._replace(velocity=np.array([3.0])), T)
-    motion = Motion(np.zeros(1), np.array([2.0]), np.zeros(1))
+    """At 2 rad/s one joint is told that a tenth of 3 rad/s is the most from now on."""
+    V = np.array([3.0, 3.0])
+    limiter = Limiter(bounded(-9.0, np.full(2, 9.0), 5.0, 100.0)._replace(velocity=V), T)
+    motion = Motion(np.zeros(2), np.array([2.0, 0.0]), np.zeros(2))
     stop, slow_s = limiter.verified_stop(motion), None
     for tick in range(200):
-        motion, stop, *_ = limiter.step(motion, stop, np.array([0.2]), 0.1)
+        motion, stop, *_ = limiter.step(motion, stop, np.array([0.3, 0.0]), 0.1)
         if slow_s is None and abs(motion.dq[0]) < 0.31:
             slow_s = T * tick
     assert slow_s == pytest.approx((2.0 - 0.3) / 5.0 + 0.05, abs=0.03)
-    assert motion.dq == pytest.approx(0.2)
+    # As fast as it may be, it takes a tenth again.
+    assert motion.dq == pytest.approx([0.3, 0.0])
+    motion, *_ = limiter.step(motion, stop, np.zeros(2), 0.1)
+    assert motion.ddq[0] == pytest.approx(-0.1 * 0.9999 * 5.0)
 
 
 def tried(target, refused, judge_of=lambda stop: 0.0):
