@@ -251,7 +251,7 @@ def _mechanism(draft: Draft, drafts: Sequence[Draft], *, rolls: bool) -> list[st
             I = given.inertia  # noqa: E741  the field's symbol
             six = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
             inertials += _block("inertial", table=table, given=given, inertia=six)
-    felt = [0.5 * drive.torque for drive in driven] + [0.1 * drive.torque for drive in draft.drives]
+    felt = [max(0.5 * drive.torque, 1.0) for drive in (*driven, *draft.drives)]
     each = enumerate((*driven, *draft.drives), start=1)
     drives = [line for node, drive in each for line in _drive(node, drive, table)]
     if arm.fingers:
