@@ -3,8 +3,7 @@
 import math
 from collections.abc import Mapping
 from functools import partial
-from types import MappingProxyType
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -22,18 +21,18 @@ from .actuation.torque import TorqueLaw
 from .axes import FREE_TIME_S, HeldAxes, holding
 from .backbone.insertion import BackboneArm
 from .barriers.barriers import Allowed
-from .barriers.clearance import BarrierInputs, Shown
+from .barriers.clearance import Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
 from .bodies.rates import (
     IN_WORLD,
     NO_LEVER,
+    NO_RATES,
     ArmMeasurement,
+    ArmTick,
     Carrier,
-    DesiredRates,
     JointRates,
-    RateRequest,
 )
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
@@ -42,8 +41,7 @@ from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings, VirtualLi
 from .mechanism.model import Dynamics, Mechanism
 from .mechanism.redundancy import Field, LinkState, Redundancy, advance_offset, on_path
 from .mechanism.resolution import FOLDING, JointMotion, at_posture, bend, resolve
-from .mechanism.self_motion import IDLE as IDLE_HAND
-from .mechanism.self_motion import LATE, NONE_SPARE
+from .mechanism.self_motion import IDLE, LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
@@ -97,34 +95,6 @@ def _wrench_of_bias(p: Parameters) -> Array | None:
 #
 # Williams 1997, eq. 7: dq = J⁺ẋ + (1 − J⁺J) z, with ẋ the sum of all sources. Where an
 # objective is taken whole, that is dq = J⁺(ẋ − J z) + z.
-
-_NOTHING: Final[Mapping[str, Array]] = MappingProxyType({})
-
-
-class Whole(NamedTuple):
-    """Rates z (n,) of the objectives that are taken whole, by name, and their twists J z (6,)."""
-
-    rates: Mapping[str, Array] = _NOTHING
-    twists: Mapping[str, Array] = _NOTHING
-    folding: Array | None = None
-    """Twist (6,) of an arm that folds, at a gain of 1; None for one that does not."""
-
-    def left(self, twists: Mapping[str, Array]) -> Array:
-        """Return the sum (6,) of the sources' twists without J z.
-
-        Source by source: what the others ask for is their sum to the last bit.
-        """
-        apart = {name: twists[name] - own for name, own in self.twists.items()}
-        return summed({**twists, **apart})
-
-    def added(self, dq: Array, share: float) -> Array:
-        """Return joint rates dq (n,) with a `share` (0 to 1) of these."""
-        for z in self.rates.values():
-            dq = dq + share * z
-        return dq
-
-
-IDLE: Final = Whole()
 
 
 def summed(twists: Mapping[str, Array]) -> Array:
@@ -222,37 +192,6 @@ TOUCHING = 3e-3
 """Force control that asks for more than this answers a contact, and no noise [m/s, rad/s]."""
 
 
-class Led(NamedTuple):
-    """A tool that its task leads: the twist that its body is asked for, and where that is from."""
-
-    request: RateRequest
-    twists: dict[str, Array]
-    twist: Array
-    scale: float
-    limits: tuple[str, ...]
-    whole: Whole
-    stance: Stance
-
-
-class Question(NamedTuple):
-    """What a task asks for, before it is known what of that the arm's own joints do."""
-
-    memory: ArmMemory
-    seen: ArmMeasurement
-    asked: Led | DesiredRates
-    """Of the tool, or of joints that are commanded themselves."""
-
-    @property
-    def led_in_world(self) -> bool:
-        """The tool is led, and whatever carries Base shall not carry it along."""
-        return isinstance(self.asked, Led) and self.seen.inputs.ground != "base"
-
-    @property
-    def twist(self) -> Array:
-        """The twist (6,) that the tool is to have; zero of joints that are commanded themselves."""
-        return self.asked.request.twist if isinstance(self.asked, Led) else NO_TWIST
-
-
 class Arm:
     """One mechanism with its task. Holds constants and scratch memory only, no state of a run."""
 
@@ -315,9 +254,9 @@ class Arm:
 
     def solve(
         self, memory: ArmMemory, commanded: Commanded, inputs: Inputs
-    ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
-        """Return what the task asks of the joints, and what that was computed from."""
-        return self.answer(self.ask(memory, commanded, inputs))
+    ) -> tuple[ArmMemory, ArmTick]:
+        """Return what the task asks of the joints."""
+        return self.answer(*self.ask(memory, commanded, inputs))
 
     def ask(
         self,
@@ -325,8 +264,11 @@ class Arm:
         commanded: Commanded,
         inputs: Inputs,
         carrier: Carrier = IN_WORLD,
-    ) -> "Question":
-        """Return what the task asks of the tool, or of the joints where they are commanded."""
+    ) -> tuple[ArmMemory, ArmTick]:
+        """Return what the task asks of the tool, or of the joints where they are commanded.
+
+        It is not known yet what of that the arm's own joints do.
+        """
         moved = inputs.moved
         self.body.prepare(inputs.settings)
         T_world_wrist_measured = self.mechanism.pose_wrist(
@@ -359,9 +301,9 @@ class Arm:
             lever, wrench, hand, held, placed, near, base, carrier.at(k.T_world_mrf.p),
         )  # fmt: skip
         context = context_of(task.off_path, wrist, seen, self.wrist)
-        whole = self._whole(seen, objectives)
-        if whole is not IDLE:
-            context = context._replace(folding=whole.folding)
+        whole, folding = self._whole(seen, objectives)
+        if folding is not None:
+            context = context._replace(folding=folding)
         task, twists = self.task.twists(task, context)
         take: Array | None = None
         if context.guided:
@@ -372,7 +314,7 @@ class Arm:
         acting, settled = objectives, inputs.at_posture
         if settled and stance.alert and self._roused(stance, inputs):
             acting, settled = self.standing.of_outside(objectives), False
-        request = RateRequest(
+        tick = ArmTick(
             seen,
             acting,
             off_path=task.off_path,
@@ -381,6 +323,9 @@ class Arm:
             insertion=memory.insertion,
             by_hand=memory.by_hand,
             settled=settled,
+            twists=twists,
+            whole=whole,
+            stance=stance,
         )
         memory = evolve(
             memory,
@@ -391,31 +336,26 @@ class Arm:
             near=near,
             links=links,
         )
-        led = self.led(twists, request, whole, stance)
+        self.led(tick)
         if take is not None:
-            led = led._replace(limits=(*led.limits, "press"))
-        return Question(memory, seen, led)
+            tick.limits += ("press",)
+        return memory, tick
 
     def answer(
-        self, question: "Question", carried: Array = NO_TWIST
-    ) -> tuple[ArmMemory, ArmMeasurement, DesiredRates]:
-        """Return what of a question is asked of the joints, as `solve` does.
+        self, memory: ArmMemory, tick: ArmTick, carried: Array = NO_TWIST
+    ) -> tuple[ArmMemory, ArmTick]:
+        """Resolve what is asked for, as `solve` does.
 
         Others carry the tool at a twist `carried` (6,), which the joints need not do.
         """
-        memory, seen, led = question
-        inputs = seen.inputs
-        asked = self._coming_back(
-            seen, led if isinstance(led, DesiredRates) else self._resolved(led, carried)
-        )
-        if inputs.beside.sweep is not None:
-            asked = asked._replace(dq=swept(asked.dq, inputs))
-        retreat, asked = self._giving_way(memory, seen, asked)
-        share = self.body.wall_scale(asked.found, seen, asked.dq)
+        self._resolve(tick, carried)
+        self._come_back(tick)
+        tick.dq = swept(tick.dq, tick.seen.inputs)
+        retreat = self._giving_way(memory, tick)
+        share = self.body.wall_scale(tick.found, tick.seen, tick.dq)
         if share < 1.0:
-            asked = asked._replace(dq=share * asked.dq, limits=(*asked.limits, "wall"))
-        memory = evolve(memory, retreat=retreat, insertion=asked.found.insertion)
-        return memory, seen, asked
+            tick.dq, tick.limits = share * tick.dq, (*tick.limits, "wall")
+        return evolve(memory, retreat=retreat, insertion=tick.found.insertion), tick
 
     # --- gains -------------------------------------------------------------------------------
 
@@ -456,117 +396,108 @@ class Arm:
 
     # --- what is asked for -------------------------------------------------------------------
 
-    def resolved(
-        self,
-        twists: dict[str, Array],
-        request: RateRequest,
-        whole: Whole = IDLE,
-        stance: Stance = STANDS,
-    ) -> DesiredRates:
-        """Resolve the sum of the sources' twists, or take joint rates where those are commanded.
+    def resolved(self, tick: ArmTick) -> ArmTick:
+        """Resolve the sum of the sources' twists, or take joint rates where those are commanded."""
+        self.led(tick)
+        self._resolve(tick)
+        return tick
 
-        `request` says all but the twist. `whole` is what objectives have to be taken as it is,
-        `stance` how the arm meets what comes.
-        """
-        led = self.led(twists, request, whole, stance)
-        return led if isinstance(led, DesiredRates) else self._resolved(led)
-
-    def led(
-        self, twists: dict[str, Array], request: RateRequest, whole: Whole, stance: Stance
-    ) -> "Led | DesiredRates":
-        """Return the sum of the sources' twists, or joint rates where those are commanded.
-
-        Arguments as those of `resolved`.
-        """
-        seen, inputs = request.seen, request.seen.inputs
+    def led(self, tick: ArmTick) -> None:
+        """Sum the sources' twists, or take joint rates where those are commanded."""
+        seen, inputs, twists = tick.seen, tick.seen.inputs, tick.twists
         twist, k, q = summed(twists), seen.kinematics, seen.commanded.motion.q
-        left = twist if whole is IDLE else whole.left(twists)
+        left = twist
+        if tick.whole:
+            apart = {name: twists[name] - k.J @ z for name, z in tick.whole.items()}
+            left = summed({**twists, **apart})  # what the others ask for is to the last bit
         held = seen.held
         if held is not None:
             # The rows belong to the MRF: singularities are judged there, too.
             twist, left = held.part(twist), held.part(left)
-            request = request._replace(seen=seen._replace(lever=NO_LEVER))
+            tick.seen = seen._replace(lever=NO_LEVER)
+        factor = inputs.settings.speed_factor
         joint_rates: Array | None = None
-        limits: tuple[str, ...] = ()
         if inputs.intent is Intent.MOVE:
-            joint_rates = self.joint_motion.rates(
-                q, inputs.jog, inputs.posture, inputs.settings.speed_factor
-            )
+            joint_rates = self.joint_motion.rates(q, inputs.jog, inputs.posture, factor)
             if joint_rates is not None:
                 bounds = self.p.limits
                 most = bounds.posture_speed if inputs.jog is None else bounds.jog_speed
-                share = self.tool_share(k.J @ joint_rates, inputs.settings.speed_factor, most)
+                share = self.tool_share(k.J @ joint_rates, factor, most)
                 if share < 1.0:
-                    joint_rates, limits = share * joint_rates, ("tool_speed",)
+                    joint_rates, tick.limits = share * joint_rates, ("tool_speed",)
             if joint_rates is not None and inputs.jog is None:
-                joint_rates = self.body.with_drive(
-                    joint_rates, inputs.drive, inputs.settings.speed_factor
-                )
+                joint_rates = self.body.with_drive(joint_rates, inputs.drive, factor)
         if joint_rates is not None:
             relief = twists["force"]
-            twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
+            tick.twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
             if relief is not NO_TWIST and seen.wrench is not None:
                 joint_rates = self._relieved(joint_rates, relief, k.J, seen.wrench)
             twist = k.J @ joint_rates
-        s_tool = self.tool_share(twist, inputs.settings.speed_factor)
-        if s_tool < 1.0:
-            limits = ("tool_speed",)
+        tick.twist, tick.scale = twist, self.tool_share(twist, factor)
+        if tick.scale < 1.0:
+            tick.limits = ("tool_speed",)
         if joint_rates is not None:
-            found = JointRates(s_tool * joint_rates, self.redundancy.none())
-            return DesiredRates(found.dq, twists, twist, s_tool, limits, found, True, stance)
+            tick.by_joint, tick.dq = True, tick.scale * joint_rates
+            return
         if inputs.settings.contact_share < 1.0:
-            s_tool *= inputs.settings.contact_share
-            limits += ("contact",)
-        request = request._replace(twist=left if s_tool == 1.0 else s_tool * left)
-        if request.led_by_hand:
-            request = self._led_by_hand(request, k.J)
-        return Led(request, twists, twist, s_tool, limits, whole, stance)
+            tick.scale *= inputs.settings.contact_share
+            tick.limits += ("contact",)
+        tick.asked = left if tick.scale == 1.0 else tick.scale * left
+        if tick.led_by_hand:
+            self._led_by_hand(tick)
 
-    def _resolved(self, led: "Led", carried: Array = NO_TWIST) -> DesiredRates:
+    def _resolve(self, tick: ArmTick, carried: Array = NO_TWIST) -> None:
         """Resolve a twist less what others carry the tool at (6,)."""
-        request, twists, twist, s_tool, limits, whole, stance = led
-        seen = request.seen
+        if tick.by_joint:
+            tick.found = JointRates(tick.dq, self.redundancy.none())
+            return
+        seen = tick.seen
         inputs, k, held = seen.inputs, seen.kinematics, seen.held
         if carried is not NO_TWIST:
-            kept = carried if held is None else held.part(carried)
-            request = request._replace(twist=request.twist - kept)
-        found = self.body.rates(request)
-        dq = found.dq if whole is IDLE else whole.added(found.dq, s_tool)
+            tick.asked = tick.asked - (carried if held is None else held.part(carried))
+        tick.found = found = self.body.rates(tick)
+        tick.held = held
+        tick.dq = found.dq
+        for z in tick.whole.values():
+            tick.dq = tick.dq + tick.scale * z
         if held is not None:
             # Self-motion moves the tool along axes that are free.
-            share = self.tool_share(k.J @ dq + carried, inputs.settings.speed_factor)
+            share = self.tool_share(k.J @ tick.dq + carried, inputs.settings.speed_factor)
             if share < 1.0:
-                dq, s_tool, limits = share * dq, share * s_tool, (*limits, "tool_speed")
-        limits += found.limits
-        if inputs.self_motion.orders and found.by_hand is IDLE_HAND and NONE_SPARE not in limits:
-            limits += (NONE_SPARE,)
-        return DesiredRates(dq, twists, twist, s_tool, limits, found, False, stance, held)
+                tick.dq, tick.scale = share * tick.dq, share * tick.scale
+                tick.limits += ("tool_speed",)
+        tick.limits += found.limits
+        idle = found.by_hand is IDLE
+        if inputs.self_motion.orders and idle and NONE_SPARE not in tick.limits:
+            tick.limits += (NONE_SPARE,)
 
-    def _led_by_hand(self, request: RateRequest, J: Array) -> RateRequest:
-        """Return the request of an arm whose spare joints an operator moves.
+    def _led_by_hand(self, tick: ArmTick) -> None:
+        """Ask for what an operator who moves the spare joints leaves to do.
 
         Obstacles are looked at at a posture, too. The twist that the spare joints move the tool by,
         since their rates come late, is taken off.
         """
-        if request.settled:
-            objectives = self.standing.of_outside(request.objectives)
-            request = request._replace(settled=False, objectives=objectives)
-        going = request.by_hand.going
-        if len(going) == 0:
-            return request
-        slides = LATE * self.p.period_s * bend(J, going, going, 1.0)
-        return request._replace(twist=request.twist - slides)
+        if tick.settled:
+            tick.settled, tick.objectives = False, self.standing.of_outside(tick.objectives)
+        going = tick.by_hand.going
+        if len(going) > 0:
+            slides = bend(tick.seen.kinematics.J, going, going, 1.0)
+            tick.asked = tick.asked - LATE * self.p.period_s * slides
 
-    def _whole(self, seen: ArmMeasurement, objectives: ObjectiveGains) -> Whole:
-        """Return what is taken whole; joints that are led themselves do not fold."""
+    def _whole(
+        self, seen: ArmMeasurement, objectives: ObjectiveGains
+    ) -> tuple[Mapping[str, Array], Array | None]:
+        """Return what is taken whole, and the twist (6,) of an arm that folds, at a gain of 1.
+
+        None: it does not fold, as joints that are led themselves.
+        """
         inputs, q, J = seen.inputs, seen.commanded.motion.q, seen.kinematics.J
         fold = inputs.beside.fold
         led = inputs.posture is not None or inputs.jog is not None
         if fold is None or led or not seen.moving:
-            return IDLE
+            return NO_RATES, None
         z = self.joint_motion.folding(fold, q, J, inputs.settings.speed_factor)
-        rates = self.redundancy.whole(q, J, objectives, {FOLDING: z})
-        return Whole(rates, {name: J @ rates[name] for name in rates}, J @ z)
+        return self.redundancy.whole(q, J, objectives, {FOLDING: z}), J @ z
 
     def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
         """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
@@ -619,46 +550,44 @@ class Arm:
         comes = inputs.scene is not None and inputs.scene.comes
         return inputs.intent is Intent.MOVE and (comes or stance.station is not None)
 
-    def _coming_back(self, seen: ArmMeasurement, asked: DesiredRates) -> DesiredRates:
+    def _come_back(self, tick: ArmTick) -> None:
         """Add the way back of an arm that is off its station, where no goal leads it there.
 
         Contact holds it: what is there now may not be known.
         """
-        stance, station = asked.stance, asked.stance.station
+        stance, station, seen = tick.stance, tick.stance.station, tick.seen
         if station is None:
-            return asked
-        dq, limits = asked.dq, (*asked.limits, "off_station")
-        if asked.twists["position"] is NO_TWIST and max(sizes(asked.twists["force"])) < TOUCHING:
+            return
+        tick.limits += ("off_station",)
+        if tick.twists["position"] is NO_TWIST and max(sizes(tick.twists["force"])) < TOUCHING:
             standing, factor, k = self.standing, seen.inputs.settings.speed_factor, seen.kinematics
             back = standing.back(station, seen.commanded.motion.q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
                 found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
                 back = found.dq + found.null.T @ (found.null @ back)
-            dq = dq + back
-        return asked._replace(dq=dq, limits=limits)
+            tick.dq = tick.dq + back
 
-    def _giving_way(
-        self, memory: ArmMemory, seen: ArmMeasurement, asked: DesiredRates
-    ) -> tuple[RetreatState | None, DesiredRates]:
+    def _giving_way(self, memory: ArmMemory, tick: ArmTick) -> RetreatState | None:
         """Add what gives way after a touch to the joint rates asked for."""
         if self.retreat is None or memory.retreat is None:
-            return memory.retreat, asked
+            return memory.retreat
+        seen, dq = tick.seen, tick.dq
         inputs, error, step = seen.inputs, seen.error, self.retreat.step
         q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
-        relieving = asked.by_joint and bool(asked.twists["force"].any())
+        relieving = tick.by_joint and bool(tick.twists["force"].any())
         held_up: Array | float = 0.0
         if held:
             held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
-        state, dq = step(
-            memory.retreat, q, asked.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
+        state, tick.dq = step(
+            memory.retreat, q, dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
             held_up,
         )  # fmt: skip
         if held:
-            state, dq = self.retreat.yielded(state, dq, error, self.p.joints.leash)
-        return state, asked if dq is asked.dq else asked._replace(dq=dq)
+            state, tick.dq = self.retreat.yielded(state, tick.dq, error, self.p.joints.leash)
+        return state
 
-    def motion_commanded(self, twists: dict[str, Array], inputs: Inputs) -> bool:
+    def motion_commanded(self, twists: Mapping[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
 
         News of obstacles needs no lease: it shall lead no arm away that nobody tells to move.
@@ -682,34 +611,22 @@ class Arm:
 
     # --- what barriers have to know, and what became of it ----------------------------------
 
-    def before_barriers(
-        self,
-        memory: ArmMemory,
-        seen: ArmMeasurement,
-        asked: DesiredRates,
-        beside: bool,
-    ) -> BarrierInputs:
-        """Return what the barriers have to know; `beside` tells whether clearances are kept."""
-        path = self.body.path(seen.kinematics, seen.inputs.ground == "base")
-        if len(seen.below.dq) and (asked.by_joint or seen.inputs.ground == "base"):
+    def before_barriers(self, memory: ArmMemory, tick: ArmTick, beside: bool) -> None:
+        """Tell the barriers what they have to know; `beside` tells whether clearances are kept."""
+        seen, inputs = tick.seen, tick.seen.inputs
+        path = self.body.path(seen.kinematics, inputs.ground == "base")
+        if len(seen.below.dq) and (tick.by_joint or inputs.ground == "base"):
             path = seen.kinematics.J
-        if asked.held is not None:
-            path = asked.held.keep @ (seen.whole(slice(0))[0] if path is None else path)
-        return BarrierInputs(
-            desired=asked,
-            seen=seen,
-            resistance=memory.resistance,
-            # An arm that may not move gives way at most, and is not held up.
-            may_move=memory.moving_since_s is not None,
-            motion_commanded=not beside or self.motion_commanded(asked.twists, seen.inputs),
-            path=path,
-        )
+        if tick.held is not None:
+            path = tick.held.keep @ (seen.whole(slice(0))[0] if path is None else path)
+        tick.path, tick.resistance = path, memory.resistance
+        tick.may_move = memory.moving_since_s is not None
+        tick.motion_commanded = not beside or self.motion_commanded(tick.twists, inputs)
 
     def finish(
         self,
         memory: ArmMemory,
-        seen: ArmMeasurement,
-        asked: DesiredRates,
+        asked: ArmTick,
         allowed: Allowed,
         shown: Shown | None,
         limited: Limited,
@@ -719,7 +636,7 @@ class Arm:
 
         The arm's are a `part` of those that are `limited`.
         """
-        inputs, motion = seen.inputs, limited.motion.of(part)
+        seen, inputs, motion = asked.seen, asked.seen.inputs, limited.motion.of(part)
         actuated = self.actuate(memory.torque, Now(seen, motion, memory.wrist.load))
         scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
         stance = asked.stance
@@ -744,7 +661,6 @@ class Arm:
             command=actuated.command,
             refusal=actuated.refusal,
             at_rest=motion.stands(STANDING),
-            seen=seen,
             desired=asked,
             task=memory.task,
             objectives=memory.objectives,
@@ -765,7 +681,7 @@ class Arm:
         self,
         memory: TaskMemory,
         stopped: bool,
-        asked: DesiredRates,
+        asked: ArmTick,
         scale: float,
         pace: float,
         k: Kinematics,

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from .actuation.torque import TorqueState
 from .barriers.clearance import Gap, Levels, Shown
-from .barriers.rows import Resistance
-from .bodies.rates import ArmMeasurement, DesiredRates, Insertion
+from .bodies.rates import ArmMeasurement, ArmTick, Insertion, Resistance
 from .grasps import GraspState, GraspStatus
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
@@ -72,10 +71,9 @@ class Output(NamedTuple):
     refusal: str | None
     """Why the gate refused the command; the drives must quick-stop then."""
     at_rest: bool
-    seen: ArmMeasurement
-    """What the tick began with; of a joint task, where its shared MRF is."""
-    desired: DesiredRates
-    """What was asked of the joints, before barriers."""
+    desired: ArmTick
+    """What was measured and asked of the joints, before barriers; of a joint task, at its shared
+    MRF."""
     task: TaskMemory
     """The gains in effect, and how far the goal is under way."""
     objectives: ObjectiveGains
@@ -98,6 +96,11 @@ class Output(NamedTuple):
     """The payload that it holds with others; None for an arm with a task alone."""
     shared: "Output | None" = None
     """The same of a joint task, at its shared MRF; told by its first arm only."""
+
+    @property
+    def seen(self) -> ArmMeasurement:
+        """What the tick began with."""
+        return self.desired.seen
 
     @property
     def q(self) -> Array:

@@ -22,7 +22,7 @@ from ...config.load import Cell
 from .arm import Arm
 from .barriers.barriers import Allowed, Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
-from .bodies.rates import ArmMeasurement, DesiredRates
+from .bodies.rates import ArmTick
 from .compiled import evolve
 from .inputs import Inputs, Intent
 from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
@@ -106,36 +106,38 @@ class Control:
         on = [] if self.joint is None else self.joint.on(memory.arms, each, inputs)
         told, members = inputs, members_of(on)
         if on:
-            inputs = [members[i].seen.inputs if i in members else x for i, x in enumerate(inputs)]
-        asked, before, barred = [], [], []
-        shared: dict[int, tuple[ArmMemory, ArmMeasurement, DesiredRates]] = {}
+            placed = {i: member.wanted.seen.inputs for i, member in members.items()}
+            inputs = [placed.get(i, given) for i, given in enumerate(inputs)]
+        asked: list[ArmTick] = []
+        before: list[ArmMemory] = []
+        shared: dict[int, tuple[ArmMemory, ArmTick]] = {}
         for torso in self.torsos:
             shared.update(torso.solve(self.arms, memory.arms, each, inputs))
         for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
             if i in members:
-                kept, seen, wanted, *_ = members[i]
+                kept, wanted, *_ = members[i]
             elif i in shared:
-                kept, seen, wanted = shared[i]
+                kept, wanted = shared[i]
             else:
-                kept, seen, wanted = arm.solve(last, each[i], given)
-            asked.append((seen, wanted))
+                kept, wanted = arm.solve(last, each[i], given)
+            arm.before_barriers(kept, wanted, beside)
+            asked.append(wanted)
             before.append(kept)
-            barred.append(arm.before_barriers(kept, seen, wanted, beside))
         first = inputs[0]
         around = Surroundings(
             commanded.motion,
             memory.levels,
             first,
             self._bases(inputs),
-            asked[0][0].placed,
+            asked[0].seen.placed,
         )
-        allowed, clear = self.allow.nearest(barred, around, [each.link for each in on])
+        allowed, clear = self.allow.nearest(asked, around, [each.link for each in on])
         bodies = self._of_bodies(before, asked)
         limited = self._limit(commanded, inputs, allowed, clear, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
         for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            kept, output = arm.finish(before[i], *asked[i], allowed[i], clear.shown, limited, part)
+            kept, output = arm.finish(before[i], asked[i], allowed[i], clear.shown, limited, part)
             nexts.append(kept)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
@@ -209,14 +211,12 @@ class Control:
         return limiter.step(motion, stop, dq, max(given.pace for given in inputs), judge)
 
     def _of_bodies(
-        self, memories: Sequence[ArmMemory], asked: Sequence[tuple[ArmMeasurement, DesiredRates]]
+        self, memories: Sequence[ArmMemory], asked: Sequence[ArmTick]
     ) -> list[StopConstraint]:
         """Return what judges stops of all joints by what their bodies keep."""
         found = []
-        for arm, part, memory, (seen, _) in zip(
-            self.arms, self.parts, memories, asked, strict=True
-        ):
-            judge = arm.body.stop_constraint(memory.insertion, seen)
+        for arm, part, memory, tick in zip(self.arms, self.parts, memories, asked, strict=True):
+            judge = arm.body.stop_constraint(memory.insertion, tick.seen)
             if judge is not None:
                 found.append(judge if len(self.arms) == 1 else partial(_of_part, judge, part))
         return found

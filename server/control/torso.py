@@ -27,10 +27,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...config.load import Cell
-from .arm import Arm, Question
+from .arm import Arm
 from .axes import HeldAxes
 from .barriers.rows import JointLimits
-from .bodies.rates import ArmMeasurement, Carrier, DesiredRates
+from .bodies.rates import ArmMeasurement, ArmTick, Carrier
+from .compiled import evolve
 from .inputs import Inputs
 from .mechanism.redundancy import shifted
 from .scene import Index
@@ -46,6 +47,10 @@ RESIDUE: Final = 1e-9
 
 LED_BY_ARMS: Final = HeldAxes.of(np.zeros(6), Pose.identity().R, (0, 0))
 """Axes that the torso's own task holds while its arms lead it: none."""
+
+
+Asked = tuple[ArmMemory, ArmTick]
+"""What `Arm.ask` and `Arm.solve` return."""
 
 
 class Share(NamedTuple):
@@ -118,35 +123,30 @@ class Torso:
         memories: Sequence[ArmMemory],
         each: Sequence[Commanded],
         inputs: Sequence[Inputs],
-    ) -> dict[int, tuple[ArmMemory, ArmMeasurement, DesiredRates]]:
+    ) -> dict[int, Asked]:
         """Return what `Arm.solve` does of the torso and of all that it carries, by their places."""
         c, *on = self.tree.tolist()
-        kept, seen, own = arms[c].solve(memories[c], each[c], inputs[c])
-        k, dq = seen.kinematics, each[c].motion.dq
+        kept, own = arms[c].solve(memories[c], each[c], inputs[c])
+        seen, k, dq = own.seen, own.seen.kinematics, each[c].motion.dq
         carrier = Carrier(self._joints, k.T_world_mrf.p, k.J, dq)
         asked = {i: arms[i].ask(memories[i], each[i], inputs[i], carrier) for i in on}
-        if not seen.moving:
-            return {c: (kept, seen, own), **_answers(arms, asked, own.dq)}
-        twists = {i: question.twist for i, question in asked.items()}
-        if own.by_joint or nonzero(own.twist):
-            answers = _answers(arms, asked, own.dq)
-            # What the arms cannot answer: the torso goes no further than their tools allow.
-            twists = {i: _left(asked[i], answers[i][2], own.dq) for i in asked}
-        else:
-            own = own._replace(held=LED_BY_ARMS)
-        dq = self._shared(seen, asked, twists)
-        own = own._replace(dq=own.dq + dq)
-        return {c: (kept, seen, own), **_answers(arms, asked, own.dq)}
+        if seen.moving:
+            twists = {i: tick.asked for i, (_, tick) in asked.items()}
+            if own.by_joint or nonzero(own.twist):
+                # What the arms cannot answer: the torso goes no further than their tools allow.
+                answers = _answers(arms, asked, own.dq)
+                twists = {i: _left(twists[i], answers[i][1], own.dq) for i in asked}
+            else:
+                own.held = LED_BY_ARMS
+            own.dq = own.dq + self._shared(seen, asked, twists)
+        return {c: (kept, own), **_answers(arms, asked, own.dq)}
 
     def _shared(
-        self, seen: ArmMeasurement, asked: Mapping[int, Question], twists: Mapping[int, Array]
+        self, seen: ArmMeasurement, asked: Mapping[int, Asked], twists: Mapping[int, Array]
     ) -> Array:
         """Return the rates (k,) of the torso's joints that serve tools' twists (6,) together."""
-        shares = [
-            share
-            for i, question in asked.items()
-            if (share := share_of(question, twists[i])) is not None
-        ]
+        each = [share_of(tick, twists[i]) for i, (_, tick) in asked.items()]
+        shares = [share for share in each if share is not None]
         if not any(np.abs(share.twist).max() > RESIDUE for share in shares):
             return np.zeros(len(self._weight))
         most = seen.inputs.settings.speed_factor * self._velocity
@@ -155,32 +155,32 @@ class Torso:
         return shared_rates(shares, self._weight, low, high, self._length)
 
 
-def _left(question: Question, answer: DesiredRates, dq: Array) -> Array:
+def _left(twist: Array, answer: ArmTick, dq: Array) -> Array:
     """Return what an arm's answer leaves of its tool's twist (6,), with a torso's rates dq (k,)."""
-    seen, found = question.seen, answer.found
-    twist = shifted(question.twist, found.give_way)
+    seen, found = answer.seen, answer.found
+    twist = shifted(twist, found.give_way)
     return np.asarray(twist - seen.below.J @ dq - seen.kinematics.J @ found.dq)
 
 
-def _answers(
-    arms: Sequence[Arm], asked: Mapping[int, Question], dq: Array
-) -> dict[int, tuple[ArmMemory, ArmMeasurement, DesiredRates]]:
+def _answers(arms: Sequence[Arm], asked: Mapping[int, Asked], dq: Array) -> dict[int, Asked]:
     """Return what arms ask of their joints while a torso's go at dq (k,)."""
     return {
-        i: arms[i].answer(q, q.seen.below.J @ dq if q.led_in_world else NO_TWIST)
-        for i, q in asked.items()
+        i: arms[i].answer(
+            memory, evolve(tick), tick.seen.below.J @ dq if tick.led_in_world else NO_TWIST
+        )
+        for i, (memory, tick) in asked.items()
     }
 
 
-def share_of(question: Question, twist: Array) -> Share | None:
+def share_of(tick: ArmTick, twist: Array) -> Share | None:
     """Return what an arm asks of joints below it, for a twist (6,) of its tool.
 
     None where that is not led in World. Taken at the point of the tool at which the arm is judged;
     axes that are free ask for nothing.
     """
-    if not question.led_in_world:
+    if not tick.led_in_world:
         return None
-    seen = question.seen
+    seen = tick.seen
     J, S = seen.kinematics.J, seen.below.J
     if seen.held is not None:
         return Share(seen.held.keep @ S, seen.held.keep @ J, seen.held.part(twist))

@@ -11,8 +11,8 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ..bodies.body import Builder, SerialArm
-from ..bodies.rates import ArmMeasurement, Following, Insertion, JointRates, RateRequest
-from ..compiled import NUMBER, TABLE, VECTOR, compiled
+from ..bodies.rates import ArmMeasurement, ArmTick, Following, Insertion, JointRates
+from ..compiled import NUMBER, TABLE, VECTOR, compiled, evolve
 from ..inputs import DriveRequest, Intent, Settings, ToldTunnel
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Field, Redundancy
@@ -521,7 +521,7 @@ class BackboneArm(SerialArm):
         kept = {old: found for old, found in self._told.items() if found is self.backbone}
         self._told = {**kept, tunnel: laid}
 
-    def rates(self, request: RateRequest) -> JointRates:
+    def rates(self, request: ArmTick) -> JointRates:
         """Return joint rates at the commanded posture.
 
         An arm with a joint that is locked may withdraw, and nothing else.
@@ -545,7 +545,7 @@ class BackboneArm(SerialArm):
         if free > self._rank and not driven and not back_only:
             return self._tail(request, insertion)
         head = self.backbone.head(q)
-        twist = float(head @ request.twist[:3]) if free <= self._rank else 0.0
+        twist = float(head @ request.asked[:3]) if free <= self._rank else 0.0
         share = 1.0
         if seen.wrench is not None:
             push = seen.kinematics.T_world_mrf.R @ seen.wrench[:3]
@@ -567,13 +567,13 @@ class BackboneArm(SerialArm):
         found = self._resolver.none(dq)
         return found._replace(limits=limits, synchronized=True, insertion=insertion)
 
-    def _tail(self, request: RateRequest, insertion: Insertion) -> JointRates:
+    def _tail(self, request: ArmTick, insertion: Insertion) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
         k, inside = request.seen.kinematics, insertion.beyond
         J = k.J.copy()
         J[:, :inside] = 0.0
         seen = request.seen._replace(kinematics=k._replace(J=J))
-        found = self._resolver.rates(request._replace(seen=seen))
+        found = self._resolver.rates(evolve(request, seen=seen))
         dq = found.dq.copy()
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..bodies.rates import ArmTick, Resistance
 from ..joints import Joints, joined, parts_of
 from ..scene import Index
 from ..spatial import Array
 from .clearance import (
-    BarrierInputs,
     CollisionConstraint,
     Levels,
     ProximityQuery,
@@ -17,7 +17,7 @@ from .clearance import (
     Surroundings,
 )
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
-from .rows import JointLimits, Resistance, Room, Rows, Within
+from .rows import JointLimits, Room, Rows, Within
 from .together import PayloadLink, in_step, least_of, pulled_apart
 
 
@@ -89,7 +89,7 @@ class ConstraintSet:
 
     def nearest(
         self,
-        arms: Sequence[BarrierInputs],
+        arms: Sequence[ArmTick],
         around: Surroundings,
         links: Sequence[PayloadLink] = (),
     ) -> tuple[tuple[Allowed, ...], Clear]:
@@ -141,9 +141,9 @@ class ConstraintSet:
             wheels = [
                 part.start
                 for part, arm in zip(self.parts, arms, strict=True)
-                if arm.desired.found.wheels_commanded
+                if arm.found.wheels_commanded
             ]
-            costs = [WIDEN_BESIDE if arm.desired.stance.tool_stays else WIDEN for arm in arms]
+            costs = [WIDEN_BESIDE if arm.stance.tool_stays else WIDEN for arm in arms]
             told, kept = (None, None) if rows is None else (rows[:2], rows.kept)
             found = nearest(
                 dq, J, low, high, V, self._length, told, self._tool, links, tuple(wheels), costs,
@@ -168,7 +168,7 @@ class ConstraintSet:
             return allowed, Clear()
         return allowed, Clear(watch, guard.shown(watch, broken))
 
-    def _tools(self, arms: Sequence[BarrierInputs], *, of_paths: bool = False) -> Array:
+    def _tools(self, arms: Sequence[ArmTick], *, of_paths: bool = False) -> Array:
         """Return the Jacobians (t, 6, n) of the tools, or of their paths."""
         J = np.zeros((len(arms), 6, len(self._tool)))
         for i, (arm, part) in enumerate(zip(arms, self.parts, strict=True)):
@@ -178,11 +178,11 @@ class ConstraintSet:
             J[i][:, joints if own.shape[1] > self._counts[i] else part] = own
         return J
 
-    def _bounded(self, i: int, arm: BarrierInputs) -> _Bounded:
+    def _bounded(self, i: int, arm: ArmTick) -> _Bounded:
         """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
         room, q = self.rooms[i], arm.seen.commanded.motion.q
         V = arm.seen.inputs.pace * self._velocities[i]
-        rates, found = room.within(arm.desired.dq, V, q, arm.seen.error), arm.desired.found
+        rates, found = room.within(arm.dq, V, q, arm.seen.error), arm.found
         limits: tuple[str, ...] = ("joint_speed",) if rates.share < 1.0 else ()
         if found.n_locked:
             rates.low[: found.n_locked] = rates.high[: found.n_locked] = 0.0
@@ -194,13 +194,13 @@ class ConstraintSet:
         if found.synchronized:
             part = _part_within(dq, rates.low, rates.high)
             rates = rates._replace(dq=part * dq, share=part * rates.share, beyond=False)
-        elif arm.desired.by_joint:
+        elif arm.by_joint:
             rates = rates._replace(dq=np.clip(dq, rates.low, rates.high), beyond=False)
         return _Bounded(rates, leash, limits)
 
     def _held_up(
         self,
-        arms: Sequence[BarrierInputs],
+        arms: Sequence[ArmTick],
         dq: Array,
         shares: list[float],
         paces: list[float],

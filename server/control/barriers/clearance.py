@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
-from ..bodies.rates import ArmMeasurement, DesiredRates
+from ..bodies.rates import ArmTick
 from ..compiled import (
     COUNT,
     COUNTS,
@@ -27,7 +27,7 @@ from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundin
 from ..proximity.pairs import NearPairs, PairSearch
 from ..scene import Body, Flags, Index, Scene
 from ..spatial import Array, Motion, Pose
-from .rows import Braking, Resistance, Rows, Walls
+from .rows import Braking, Rows, Walls
 
 # --- Minimum distances: promises plus tracking errors, margins and motion of obstacles ------------
 
@@ -446,21 +446,6 @@ COMMANDED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
-class BarrierInputs(NamedTuple):
-    """Inputs of the barriers from one mechanism in one tick."""
-
-    desired: DesiredRates
-    seen: ArmMeasurement
-    resistance: Resistance | None
-    """The resistance that holds the arm up; None before the first tick."""
-    may_move: bool
-    motion_commanded: bool = True
-    """Somebody tells the arm to move."""
-    path: Array | None = None
-    """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
-    in all that move the tool; None: the tool's own."""
-
-
 class Surroundings(NamedTuple):
     """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
 
@@ -478,7 +463,7 @@ class Surroundings(NamedTuple):
 class ProximityQuery(NamedTuple):
     """Near pairs and barriers of one tick."""
 
-    arms: Sequence[BarrierInputs]
+    arms: Sequence[ArmTick]
     around: Surroundings
     sight: NearGaps
     rows: Rows
@@ -512,9 +497,7 @@ class CollisionConstraint:
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
-    def watch(
-        self, arms: Sequence[BarrierInputs], around: Surroundings, asked: Array
-    ) -> ProximityQuery:
+    def watch(self, arms: Sequence[ArmTick], around: Surroundings, asked: Array) -> ProximityQuery:
         """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
         clearance, (q, dq, _) = self.clearance, around.motion
         factor = around.inputs.settings.speed_factor
@@ -536,7 +519,7 @@ class CollisionConstraint:
         )
         coming = sight.near.approach
         if np.count_nonzero(coming):
-            shares = np.array([arm.desired.stance.makes_way for arm in arms])
+            shares = np.array([arm.stance.makes_way for arm in arms])
             coming = shares[self._arm[sight.near.first]] * coming
             coming = np.minimum(coming, factor * self._speed)
         gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)

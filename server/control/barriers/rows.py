@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ....config.load import Cell
+from ..bodies.rates import Resistance
 from ..compiled import (
     ARRAY4,
     COUNT,
@@ -317,15 +318,6 @@ LATENCY = 3.0
 
 _STANDS = 1e-7
 """A way of a tick below this is none [rad]."""
-
-
-class Resistance(NamedTuple):
-    """Memory of a resistance that holds an arm up."""
-
-    error: Array
-    """Lead of the command over the joints in the last tick (n,) [rad]."""
-    pressed: Array
-    """The way of a tick (n,) [rad] on which a joint fell behind last; zero: none did."""
 
 
 class Resisted(NamedTuple):

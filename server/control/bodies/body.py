@@ -21,7 +21,7 @@ from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
 from ..spatial import Array, Kinematics, Pose, jacobian_at, nonzero, pose_error, twist_at
 from ..stop.limiter import StopConstraint
-from .rates import NO_LEVER, ArmMeasurement, Insertion, JointRates, RateRequest
+from .rates import NO_LEVER, ArmMeasurement, ArmTick, Insertion, JointRates
 
 # --- Joint rates of a twist, and what spare joints do beside --------------------------------------
 #
@@ -81,7 +81,7 @@ class Resolver:
 
     def rates(
         self,
-        request: RateRequest,
+        request: ArmTick,
         shares: Shares | None = None,
         whole: bool = False,
     ) -> JointRates:
@@ -106,7 +106,7 @@ class Resolver:
             links = self._field.directions(state.links, R_mrf, R_crf, request.way)
             led = inputs.goal is not None
             give_way = self._field.give_way(view, state, request.off_path, led, factor, links)
-        task = self.resolve(q, k.J, shifted(request.twist, give_way), seen.lever, shares, held)
+        task = self.resolve(q, k.J, shifted(request.asked, give_way), seen.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:
             plain, J = task.null, k.J if self._own is None or whole else self._own * k.J
@@ -131,9 +131,7 @@ class Resolver:
         )
         return self._led(found, k, task.null, request) if request.led_by_hand else found
 
-    def _searched(
-        self, request: RateRequest, view: FieldView, dq_task: Array, shares: Shares
-    ) -> Array:
+    def _searched(self, request: ArmTick, view: FieldView, dq_task: Array, shares: Shares) -> Array:
         """Return the joint rates (n,) to the least potential, at a gain of 1 /s, by a search.
 
         Scott and Carignan 2008, eqs. 3 to 6: from q_0 = q + dq_task · a time, which the task leads
@@ -164,9 +162,7 @@ class Resolver:
             k = self._mechanism.kinematics(q, settings.T_wrist_mrf, seen.T_world_base)
         return np.asarray(q - begin)
 
-    def _led(
-        self, found: JointRates, k: Kinematics, null: Array, request: RateRequest
-    ) -> JointRates:
+    def _led(self, found: JointRates, k: Kinematics, null: Array, request: ArmTick) -> JointRates:
         """Return joint rates with what an operator asks of the spare joints.
 
         The more avoiding comes before a hand's force, the less of it.
@@ -263,7 +259,7 @@ class SerialArm:
         """
         raise ValueError("the mechanism has no backbone: it goes through no tunnel")
 
-    def rates(self, request: RateRequest) -> JointRates:
+    def rates(self, request: ArmTick) -> JointRates:
         """Return joint rates that do what is asked for."""
         return self._resolver.rates(request)
 

@@ -1,6 +1,9 @@
-"""What a body is asked for, what it answers, and what an arm asks of its joints in all."""
+"""One arm in one tick: what is measured, what its body is asked for and answers, what is asked."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -137,38 +140,6 @@ class ArmMeasurement(NamedTuple):
         return 0.0 if self.near is None else self.near.alpha
 
 
-class RateRequest(NamedTuple):
-    """The motion that a body is asked for."""
-
-    seen: ArmMeasurement
-    objectives: ObjectiveGains
-    """Gains of the redundancy objectives."""
-    twist: Array = NO_TWIST
-    """Of its MRF, World axes (6,) [m/s, rad/s]."""
-    off_path: Array | None = None
-    """Where the virtual links have the tool off its path, in World (3,) [m]."""
-    links: LinkState | None = None
-    """The virtual links in effect; None for an arm without any."""
-    way: Array = NO_LEVER
-    """Where the links' straight path goes as a whole, in World (3,) [m]; zeros without one."""
-    insertion: Insertion | None = None
-    """Where along its curve it was a tick ago."""
-    by_hand: HandState = IDLE
-    """How far an operator's self-motion had come."""
-    settled: bool = False
-    """The arm is at a posture, where spare joints stand."""
-
-    @property
-    def spare(self) -> bool:
-        """Spare joints may move."""
-        return self.seen.moving and not self.settled
-
-    @property
-    def led_by_hand(self) -> bool:
-        """An operator moves the spare joints, or did until now."""
-        return self.seen.moving and (self.seen.inputs.self_motion.acts or self.by_hand.moves)
-
-
 class JointRates(NamedTuple):
     """Joint rates that do what a body is asked for."""
 
@@ -196,19 +167,86 @@ class JointRates(NamedTuple):
     """How far an operator's self-motion has come."""
 
 
-class DesiredRates(NamedTuple):
-    """Joint rates asked for, the twists behind them, and what they were computed from."""
+UNRESOLVED: Final = JointRates(np.zeros(0), SelfMotion(np.zeros(0), {}))
+"""Before a body was asked."""
+NO_RATES: Final[Mapping[str, Array]] = MappingProxyType({})
 
-    dq: Array
-    twists: dict[str, Array]
-    twist: Array
-    scale: float
-    limits: tuple[str, ...]
-    found: JointRates
-    """What the body resolved, before anything came beside it."""
+
+class Resistance(NamedTuple):
+    """Memory of a resistance that holds an arm up."""
+
+    error: Array
+    """Lead of the command over the joints in the last tick (n,) [rad]."""
+    pressed: Array
+    """The way of a tick (n,) [rad] on which a joint fell behind last; zero: none did."""
+
+
+@dataclass
+class ArmTick:
+    """What one tick finds out and decides of one arm until barriers look at it, stage by stage.
+
+    The one record of `control` that is filled in as the tick goes on: each stage writes what it
+    found, and nobody changes it after the barriers.
+    """
+
+    seen: ArmMeasurement
+    objectives: ObjectiveGains
+    """Gains of the redundancy objectives that act."""
+    asked: Array = field(default_factory=lambda: NO_TWIST)
+    """The twist (6,) that the body is to resolve, of the MRF in World axes [m/s, rad/s]."""
+    off_path: Array | None = None
+    """Where the virtual links have the tool off its path, in World (3,) [m]."""
+    links: LinkState | None = None
+    """The virtual links in effect; None for an arm without any."""
+    way: Array = field(default_factory=lambda: NO_LEVER)
+    """Where the links' straight path goes as a whole, in World (3,) [m]; zeros without one."""
+    insertion: Insertion | None = None
+    """Where along its curve it was a tick ago."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion had come."""
+    settled: bool = False
+    """The arm is at a posture, where spare joints stand."""
+    twists: Mapping[str, Array] = field(default_factory=dict)
+    """What each source asks for (6,) [m/s, rad/s]."""
+    twist: Array = field(default_factory=lambda: NO_TWIST)
+    """Their sum (6,)."""
+    scale: float = 1.0
+    """Share of that which bounds of the tool's speed leave, 0 to 1."""
+    limits: tuple[str, ...] = ()
+    """Names of what took the rest."""
+    whole: Mapping[str, Array] = field(default_factory=lambda: NO_RATES)
+    """Rates (n,) of objectives that are taken whole, by name."""
     by_joint: bool = False
     """The joints are commanded themselves: jogged, or led to a posture."""
     stance: Stance = STANDS
     """How the arm meets what comes."""
+    found: JointRates = UNRESOLVED
+    """What the body resolved, before anything came beside it."""
+    dq: Array = field(default_factory=lambda: UNRESOLVED.dq)
+    """Joint rates (n,) that are asked for in all [rad/s]."""
     held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all, or none is led."""
+    """Axes of the MRF that barriers are to hold; None: all, or none is led."""
+    path: Array | None = None
+    """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
+    in all that move the tool; None: the tool's own."""
+    resistance: Resistance | None = None
+    """What held the arm up a tick ago."""
+    may_move: bool = True
+    """False of an arm that gives way at most."""
+    motion_commanded: bool = True
+    """False of an arm that accommodates at most: it makes no way for what comes."""
+
+    @property
+    def spare(self) -> bool:
+        """Spare joints may move."""
+        return self.seen.moving and not self.settled
+
+    @property
+    def led_by_hand(self) -> bool:
+        """An operator moves the spare joints, or did until now."""
+        return self.seen.moving and (self.seen.inputs.self_motion.acts or self.by_hand.moves)
+
+    @property
+    def led_in_world(self) -> bool:
+        """The tool is led, and whatever carries Base shall not carry it along."""
+        return not self.by_joint and self.seen.inputs.ground != "base"

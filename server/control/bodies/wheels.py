@@ -18,6 +18,7 @@ import numpy as np
 
 from ....config.load import Cell
 from ....config.schema.mechanism import DifferentialBaseSection, DrivenSection
+from ..compiled import evolve
 from ..inputs import DriveRequest, Inputs
 from ..mechanism.model import Mechanism
 from ..mechanism.redundancy import Field, Redundancy, shifted
@@ -25,7 +26,7 @@ from ..parameters import Parameters
 from ..spatial import Array, Kinematics, sizes, twist_at
 from ..wheels import DifferentialDrive
 from .body import Builder, Resolver, SerialArm, Shares, judged_at
-from .rates import JointRates, RateRequest
+from .rates import ArmTick, JointRates
 
 CREEPS, GOES = 0.005, 0.02
 """A tool that is asked for less than the first is the arm's alone; from the second on the base
@@ -74,7 +75,7 @@ class DrivenArm(SerialArm):
         rates = factor * self.asked(drive)
         return np.asarray(rates / max(1.0, float((np.abs(rates) / (factor * self._most)).max())))
 
-    def follows(self, twist: Array, request: RateRequest) -> float:  # noqa: ARG002  others look
+    def follows(self, twist: Array, request: ArmTick) -> float:  # noqa: ARG002  others look
         """Return how far the base follows the tool's twist (6,), 0 to 1."""
         return 1.0
 
@@ -92,7 +93,7 @@ class DrivenArm(SerialArm):
         """Return whether the tool is led relative to Base, so that the arm alone leads it."""
         return inputs.ground == "base"
 
-    def rates(self, request: RateRequest) -> JointRates:
+    def rates(self, request: ArmTick) -> JointRates:
         """Return rates of base and arm at the commanded posture."""
         seen = request.seen
         k, inputs, moving = seen.kinematics, seen.inputs, seen.moving
@@ -100,14 +101,14 @@ class DrivenArm(SerialArm):
         if moving:
             base = self.driven(inputs.drive, inputs.settings.speed_factor)
         driven = bool(np.count_nonzero(base))
-        twist, part, whole = request.twist, 0.0, False
+        twist, part, whole = request.asked, 0.0, False
         if not (on_base or driven) and request.spare:
             gains = request.objectives.gains
             whole = any(gains[name] > 0.0 for name in self._shared)
             part = 1.0 if whole else self.follows(twist, request)
         if driven and not on_base:
             twist = twist - k.J[:, self._base] @ base
-            request = request._replace(twist=twist)
+            request = evolve(request, asked=twist)
         D = self._alone.copy()
         D[self._base] = max(STANDING, part * self._with[0])
         alone, held = bool(D[0] == STANDING), seen.held
@@ -159,7 +160,7 @@ class WheeledArm(DrivenArm):
         """Return the wheels' rates (2,) [rad/s] of a drive, on its arc."""
         return self._rolling.wheels(drive.speed, drive.turn)
 
-    def follows(self, twist: Array, request: RateRequest) -> float:
+    def follows(self, twist: Array, request: ArmTick) -> float:
         """Return how far wheels follow a tool: not where it creeps, they would grind to and fro."""
         v, w = sizes(twist_at(twist, request.seen.lever))
         return min(1.0, max(0.0, (max(v, w * self._length) - CREEPS) / (GOES - CREEPS)))

@@ -11,7 +11,7 @@ from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
-from ..bodies.rates import ArmMeasurement, DesiredRates, RateRequest
+from ..bodies.rates import ArmMeasurement, ArmTick
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..forest import Forest, at_mrf
 from ..grasps import GraspState, GraspStatus, apart, mean_of
@@ -47,16 +47,16 @@ class Member(NamedTuple):
     """One arm's part in a joint task in one tick."""
 
     memory: ArmMemory
-    seen: ArmMeasurement
+    wanted: ArmTick
     """With the MRF where it sees it, and nothing that commands it alone."""
-    wanted: DesiredRates
     give_way: Array
     """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
     holding: GraspStatus
 
     def slowed(self, share: float, limit: str) -> "Member":
         """Return the same at a share of its speed, which a limit of that name left."""
-        wanted = self.wanted._replace(
+        wanted = evolve(
+            self.wanted,
             dq=share * self.wanted.dq,
             scale=share * self.wanted.scale,
             limits=(*self.wanted.limits, limit),
@@ -317,11 +317,10 @@ class JointTask:
         members = []
         for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True)):
             rates = self._wanted(i, of, memory, {"common": twist, "force": way}, share)
-            rates = rates._replace(twists={**twists, "force": way}, twist=twist)
+            rates.twists, rates.twist = {**twists, "force": way}, twist
             if take is not None:
-                rates = rates._replace(
-                    twists={**twists, "force": way + take}, limits=(*rates.limits, "press")
-                )
+                rates.twists = {**twists, "force": way + take}
+                rates.limits += ("press",)
             holding = GraspStatus(
                 self.name, forces.internal_force, forces.internal_moment, strained,
                 light[i] >= SLIPPED_S, known.load, known.aside,
@@ -330,7 +329,7 @@ class JointTask:
             )  # fmt: skip
             held = evolve(memory.held, light_s=light[i], weighed=known, weights=weights[i])
             memory_of_arm = evolve(memory, held=held)
-            members.append(Member(memory_of_arm, of.seen, rates, share * way, holding))
+            members.append(Member(memory_of_arm, rates, share * way, holding))
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
             slowed = self._at_fault(members, forces, R_world_payload)
@@ -387,8 +386,9 @@ class JointTask:
         ]
         position, first = shared.position, found[0]
         k = first.seen.kinematics._replace(T_world_mrf=together.T_world_mrf)
+        seen = first.seen._replace(inputs=told, kinematics=k, wrench=together.contact)
         common = first._replace(
-            seen=first.seen._replace(inputs=told, kinematics=k, wrench=together.contact),
+            desired=evolve(first.desired, seen=seen),
             task=shared,
             T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
             at_rest=all(output.at_rest for output in found),
@@ -524,8 +524,10 @@ class JointTask:
             limits = (f"internal_at_fault:{whole.by}",)
             return [
                 m._replace(
-                    wanted=m.wanted._replace(
-                        dq=dq + part * (m.wanted.dq - dq), limits=m.wanted.limits + limits
+                    wanted=evolve(
+                        m.wanted,
+                        dq=dq + part * (m.wanted.dq - dq),
+                        limits=m.wanted.limits + limits,
                     )
                 )
                 for m, dq in zip(members, still, strict=True)
@@ -543,10 +545,10 @@ class JointTask:
 
     def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
         """Return what one arm is asked for, for what a fault would then do."""
-        k = member.seen.kinematics
-        R = k.T_world_mrf.R
+        seen = member.wanted.seen
+        k, R = seen.kinematics, seen.kinematics.T_world_mrf.R
         return Moving(
-            member.seen.commanded.motion.q, member.wanted.dq, k.J,
+            seen.commanded.motion.q, member.wanted.dq, k.J,
             R @ forces.p[i], rotate_twist(R, forces.desired[i]),
         )  # fmt: skip
 
@@ -559,7 +561,7 @@ class JointTask:
         share: float,
         *,
         by_hand: bool = True,
-    ) -> DesiredRates:
+    ) -> ArmTick:
         """Return the twists of one arm, those in common and its own, resolved into joint rates.
 
         With what an operator asks of its spare joints, or without that.
@@ -568,11 +570,19 @@ class JointTask:
         if not by_hand:
             seen = seen._replace(inputs=evolve(seen.inputs, self_motion=UNASKED))
             hand = IDLE
-        request = RateRequest(seen, memory.objectives, by_hand=hand, settled=seen.inputs.at_posture)
         slowed = {name: share * twist for name, twist in twists.items()}
-        wanted = self.arms[i].resolved(slowed, request)
-        limits = (*wanted.limits, "tool_speed") if share < 1.0 else wanted.limits
-        return wanted._replace(scale=share, limits=limits)
+        tick = ArmTick(
+            seen,
+            memory.objectives,
+            by_hand=hand,
+            settled=seen.inputs.at_posture,
+            twists=slowed,
+        )
+        self.arms[i].resolved(tick)
+        tick.scale = share
+        if share < 1.0:
+            tick.limits += ("tool_speed",)
+        return tick
 
 
 def _of_member(own: Inputs, told: Inputs, held: GraspState, T_payload_mrf: Pose) -> Inputs:
@@ -725,7 +735,7 @@ class JointTasks:
         for task, stretch in zip(self.tasks, self._stretches, strict=True):
             if task.on(memories):
                 together = task.ask(memories, commanded, inputs)
-                views = [member.seen.inputs.settings.T_wrist_mrf for member in together.members]
+                views = [m.wanted.seen.inputs.settings.T_wrist_mrf for m in together.members]
                 found.append(ActiveTask(task, together, stretch, stretch.carried(views)))
         return found
 

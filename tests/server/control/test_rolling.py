@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
 from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
@@ -38,7 +38,7 @@ def asked(arm, q, k, base, twist, **more):
     inputs = Inputs(0.0, Intent.MOVE, np.zeros(9), settings, **more)
     told = Commanded.at_rest(q)
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
-    return RateRequest(seen, arm.redundancy.objectives, np.asarray(twist))
+    return ArmTick(seen, arm.redundancy.objectives, np.asarray(twist))
 
 
 def somewhere(draw, cell):

@@ -1,12 +1,12 @@
 """An arm in a tick, as the barriers see it."""
 
 import numpy as np
-from telerobot.server.control.barriers.clearance import BarrierInputs, Surroundings
-from telerobot.server.control.bodies.rates import ArmMeasurement, DesiredRates, JointRates
+from telerobot.server.control.barriers.clearance import Surroundings
+from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick, JointRates
 from telerobot.server.control.hold import COMMANDED
-from telerobot.server.control.inputs import Inputs, Intent, Settings
+from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, Settings
 from telerobot.server.control.mechanism.redundancy import SelfMotion
-from telerobot.server.control.spatial import NO_TWIST, Pose
+from telerobot.server.control.spatial import Pose
 from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.control.stop.profile import Stop
 
@@ -15,10 +15,9 @@ def situation(k, dq, motion, scene):
     """Return arms, surroundings and rates dq (n,) of an arm that follows them at once."""
     none = np.zeros(len(dq))
     found = JointRates(dq, SelfMotion(none, {}))
-    desired = DesiredRates(dq, {}, NO_TWIST, 1.0, (), found, stance=COMMANDED)
     told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
-    arm = BarrierInputs(desired, seen, None, True)
+    arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED, found=found, dq=dq)
     return (arm,), Surroundings(motion, {}, inputs), dq

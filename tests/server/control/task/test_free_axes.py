@@ -8,7 +8,7 @@ from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.config.schema.sources import PositionSection
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.axes import FREE_TIME_S, HeldAxes, holding
-from telerobot.server.control.bodies.rates import ArmMeasurement, RateRequest
+from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, PathGoal
 from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.control.stop.limiter import Commanded
@@ -95,8 +95,8 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     inputs = Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True)
     told = Commanded.at_rest(q)
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(7), told, held=held)
-    request = RateRequest(seen, arm.redundancy.objectives, settled=True)
-    found = arm.resolved({"joystick": along}, request)
+    twists = {"joystick": along}
+    found = arm.resolved(ArmTick(seen, arm.redundancy.objectives, settled=True, twists=twists))
     assert found.scale == 1.0
     assert found.limits == ()
     for twist in (found.twist, held.part(k.J @ found.dq)):
@@ -173,8 +173,9 @@ def test_barriers_spare_the_path_of_what_is_held_alone(pa10):
     told = pa10.control.seed(q)
     settings = replace(pa10.settings, held=holding(("y", "rx")))
     inputs = Inputs(0.0, Intent.MOVE, q, settings)
-    memory, seen, wanted = arm.solve(told.arms[0], told.commanded, inputs)
-    before = arm.before_barriers(memory, seen, wanted, True)
-    R = np.kron(np.eye(2), seen.kinematics.T_world_mrf.R)
-    expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ seen.kinematics.J
-    np.testing.assert_allclose(before.path, expected, atol=1e-12)
+    memory, tick = arm.solve(told.arms[0], told.commanded, inputs)
+    arm.before_barriers(memory, tick, True)
+    k = tick.seen.kinematics
+    R = np.kron(np.eye(2), k.T_world_mrf.R)
+    expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ k.J
+    np.testing.assert_allclose(tick.path, expected, atol=1e-12)
