@@ -13,14 +13,12 @@ from .actuation.actuation import (
     BySpeed,
     ByTorque,
     HoldingTorque,
-    Now,
     OnWheels,
     by_position,
 )
 from .actuation.torque import TorqueLaw
 from .axes import FREE_TIME_S, HeldAxes, holding
 from .backbone.insertion import BackboneArm
-from .barriers.barriers import Allowed
 from .barriers.clearance import Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
@@ -627,7 +625,6 @@ class Arm:
         self,
         memory: ArmMemory,
         asked: ArmTick,
-        allowed: Allowed,
         shown: Shown | None,
         limited: Limited,
         part: slice,
@@ -637,21 +634,21 @@ class Arm:
         The arm's are a `part` of those that are `limited`.
         """
         seen, inputs, motion = asked.seen, asked.seen.inputs, limited.motion.of(part)
-        actuated = self.actuate(memory.torque, Now(seen, motion, memory.wrist.load))
-        scale, pace = asked.scale * allowed.scale, asked.scale * allowed.pace
+        actuated = self.actuate(memory.torque, seen, motion, memory.wrist.load)
+        scale, pace = asked.scale * asked.share, asked.scale * asked.pace
         stance = asked.stance
         station = stance.station
         leaves = (
             inputs.at_posture and max(asked.found.self_motion.norms.values(), default=0.0) > MOVED
         )
-        if station is None and stance.alert and (allowed.made_way or leaves):
+        if station is None and stance.alert and (asked.made_way or leaves):
             station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
         accelerated = sizes(seen.kinematics.J.dot(motion.ddq))[0]
         memory = evolve(
             memory,
             torque=actuated.state,
             station=station,
-            resistance=allowed.resistance,
+            resistance=asked.resistance,
             by_hand=asked.found.by_hand.along(motion.dq),
             max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
             task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
@@ -666,10 +663,7 @@ class Arm:
             objectives=memory.objectives,
             T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
             scale=scale,
-            limits=asked.limits
-            + allowed.limits
-            + (("verified_stop",) if limited.stopped else ())
-            + actuated.limits,
+            limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
             stop_worsened=limited.worsened,
             shown=shown,
             at_goal=self._at_goal(memory, inputs, motion.q),

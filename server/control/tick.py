@@ -20,7 +20,7 @@ import numpy as np
 
 from ...config.load import Cell
 from .arm import Arm
-from .barriers.barriers import Allowed, Clear, ConstraintSet
+from .barriers.barriers import Clear, ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
 from .bodies.rates import ArmTick
 from .compiled import evolve
@@ -131,17 +131,17 @@ class Control:
             self._bases(inputs),
             asked[0].seen.placed,
         )
-        allowed, clear = self.allow.nearest(asked, around, [each.link for each in on])
+        clear = self.allow.nearest(asked, around, [each.link for each in on])
         bodies = self._of_bodies(before, asked)
-        limited = self._limit(commanded, inputs, allowed, clear, on, bodies)
+        limited = self._limit(commanded, inputs, asked, clear, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
         for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            kept, output = arm.finish(before[i], asked[i], allowed[i], clear.shown, limited, part)
+            kept, output = arm.finish(before[i], asked[i], clear.shown, limited, part)
             nexts.append(kept)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
-            finish(on, told, [a.pace for a in allowed], nexts, outputs)
+            finish(on, told, [tick.pace for tick in asked], nexts, outputs)
         return Memory(commanded.followed_by(limited), tuple(nexts), clear.levels), tuple(outputs)
 
     def _placed(self, inputs: Sequence[Inputs], each: Sequence[Commanded]) -> Sequence[Inputs]:
@@ -186,7 +186,7 @@ class Control:
         self,
         commanded: Commanded,
         inputs: Sequence[Inputs],
-        allowed: Sequence[Allowed],
+        asked: Sequence[ArmTick],
         clear: Clear,
         on: Sequence[ActiveTask],
         bodies: Sequence[StopConstraint],
@@ -207,7 +207,7 @@ class Control:
         judges += bodies
         judges += [each.violation for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)
-        dq = joined([granted.dq for granted in allowed])
+        dq = joined([tick.allowed for tick in asked])
         return limiter.step(motion, stop, dq, max(given.pace for given in inputs), judge)
 
     def _of_bodies(

@@ -20,16 +20,6 @@ from .torque import TorqueLaw, Torques, TorqueState
 # gate refuses a posture.
 
 
-class Now(NamedTuple):
-    """Inputs of an actuation."""
-
-    seen: ArmMeasurement
-    after: Motion
-    """The command that this tick decided on."""
-    load: Array | None = None
-    """Payload and bias in effect (10,), see `contact_wrench.load_of`; None: the URDF's tool."""
-
-
 class Actuated(NamedTuple):
     """A command (n,) in the drives' unit, and why it may not be sent, if so."""
 
@@ -42,14 +32,21 @@ class Actuated(NamedTuple):
 class Actuation(Protocol):
     """One operation mode."""
 
-    def __call__(self, state: TorqueState | None, now: Now, /) -> Actuated:
-        """Return what to send."""
+    def __call__(
+        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None, /
+    ) -> Actuated:
+        """Return what to send for the motion `after` this tick.
+
+        `load` (10,) is the payload and bias in effect, see `wrench.load_of`; None: the URDF's tool.
+        """
         ...
 
 
-def by_position(_state: TorqueState | None, now: Now) -> Actuated:
+def by_position(
+    _state: TorqueState | None, _seen: ArmMeasurement, after: Motion, _load: Array | None
+) -> Actuated:
     """CSP: the commanded posture."""
-    return Actuated(now.after.q, None)
+    return Actuated(after.q, None)
 
 
 class BySpeed:
@@ -60,9 +57,11 @@ class BySpeed:
         self._joints, self._gain = joints.names, gain
         self._most = (1.0 + TOLERANCE) * joints.velocity + gain * joints.following_window
 
-    def __call__(self, _state: TorqueState | None, now: Now) -> Actuated:
+    def __call__(
+        self, _state: TorqueState | None, seen: ArmMeasurement, after: Motion, _load: Array | None
+    ) -> Actuated:
         """Return the speeds (n,) [rad/s]."""
-        command = now.after.dq + self._gain * now.seen.error
+        command = after.dq + self._gain * seen.error
         return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
 
 
@@ -72,10 +71,12 @@ class OnWheels:
     def __init__(self, by_speed: BySpeed) -> None:
         self._by_speed = by_speed
 
-    def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
+    def __call__(
+        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None
+    ) -> Actuated:
         """Return the wheels' speeds [rad/s], and the arm's posture [rad] (n,)."""
-        found = self._by_speed(state, now)
-        command = np.concatenate((found.command[:2], now.after.q[2:]))
+        found = self._by_speed(state, seen, after, load)
+        command = np.concatenate((found.command[:2], after.q[2:]))
         return found._replace(command=command)
 
 
@@ -102,18 +103,19 @@ class ByTorque:
         self._joints, self._most = joints, most
         self._step = (1.0 + TOLERANCE) * most_step
 
-    def __call__(self, state: TorqueState | None, now: Now) -> Actuated:
+    def __call__(
+        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None
+    ) -> Actuated:
         """Return the torques (n,) [N·m]."""
-        offset = np.zeros(6)
-        if self._wrench_of_bias is not None and now.load is not None:
-            self._carry(now.load[:4])
-            offset = self._wrench_of_bias @ now.load[4:]
-        seen, inputs = now.seen, now.seen.inputs
+        offset, inputs = np.zeros(6), seen.inputs
+        if self._wrench_of_bias is not None and load is not None:
+            self._carry(load[:4])
+            offset = self._wrench_of_bias @ load[4:]
         kept, torques = self._law.step(
             state,
             inputs.q_measured,
             seen.commanded.motion,
-            now.after,
+            after,
             seen.kinematics,
             None if seen.hand is None else -seen.hand,
             inputs.settings.T_wrist_mrf,

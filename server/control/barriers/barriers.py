@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bodies.rates import ArmTick, Resistance
+from ..bodies.rates import ArmTick
 from ..joints import Joints, joined, parts_of
 from ..scene import Index
 from ..spatial import Array
@@ -19,31 +19,6 @@ from .clearance import (
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .rows import JointLimits, Room, Rows, Within
 from .together import PayloadLink, in_step, least_of, pulled_apart
-
-
-class _Bounded(NamedTuple):
-    """Joint rates of one mechanism inside its speed bounds."""
-
-    rates: Within
-    leash: Room | None
-    limits: tuple[str, ...]
-
-
-class Allowed(NamedTuple):
-    """Joint rates that keep every barrier."""
-
-    dq: Array
-    scale: float
-    """Share of the asked tool motion that is left, on its path or sliding, 0 to 1."""
-    limits: tuple[str, ...]
-    """Names of what took the rest."""
-    pace: float
-    """Share of its own speed at which a path may go on, 0 to 1: it leads a tool that slides, and
-    waits for one that the leash holds."""
-    resistance: Resistance
-    """The resistance that holds the arm up, for the next tick."""
-    made_way: bool = False
-    """The arm was to go out of the way of something that comes."""
 
 
 class Clear(NamedTuple):
@@ -92,24 +67,24 @@ class ConstraintSet:
         arms: Sequence[ArmTick],
         around: Surroundings,
         links: Sequence[PayloadLink] = (),
-    ) -> tuple[tuple[Allowed, ...], Clear]:
-        """Return the rates nearest to those of each mechanism that all bounds allow.
+    ) -> Clear:
+        """Tell each mechanism the rates nearest to those it asks for that all bounds allow.
 
         Those of `links` hold one payload.
         """
-        guard = self.guard
-        bounded, each, shares, limits, beyond = [], [], [], [], False
+        guard, beyond = self.guard, False
+        bounded, shares, leashes = [], [], []
         for i, arm in enumerate(arms):
-            bounded.append(b := self._bounded(i, arm))
-            each.append(b.rates.dq)
-            shares.append(b.rates.share)
-            limits.append(b.limits)
-            beyond = beyond or b.rates.beyond
-        dq = joined(each)
+            rates, leash = self._bounded(i, arm)
+            bounded.append(rates)
+            leashes.append(leash)
+            shares.append(rates.share)
+            beyond = beyond or rates.beyond
+        dq = joined([rates.dq for rates in bounded])
         groups = (*self._trees, *[link.tools for link in links])
         if groups:
             dq, shares, links = in_step(dq, self._counts, shares, shares, groups, links)
-        watch, rows, broken, made_way = None, None, None, [False] * len(arms)
+        watch, rows, broken = None, None, None
         if guard is not None and around.inputs.settings.avoid:
             watch = guard.watch(arms, around, dq)
             beside = guard.tool_shares(watch)
@@ -118,15 +93,17 @@ class ConstraintSet:
             for i, slow in enumerate(beside):
                 if slow < 1.0:
                     dq = _slowed(dq, self.parts[i], slow)
-                    shares[i], limits[i] = slow * shares[i], (*limits[i], "near_speed")
-            rows, made_way = watch.rows, guard.makes_way(watch)
+                    shares[i] = slow * shares[i]
+                    arms[i].limits += ("near_speed",)
+            rows = watch.rows
+            for arm, makes_way in zip(arms, guard.makes_way(watch), strict=True):
+                arm.made_way = makes_way
             broken, any_broken = rows.broken(dq)
             if any_broken:
                 named = guard.named(watch, broken)
-                limits = [
-                    limit + named if rows.concern(broken, part) else limit
-                    for limit, part in zip(limits, self.parts, strict=True)
-                ]
+                for arm, part in zip(arms, self.parts, strict=True):
+                    if rows.concern(broken, part):
+                        arm.limits += named
                 beyond = True
         paces = list(shares)
         if links and not beyond:
@@ -134,8 +111,8 @@ class ConstraintSet:
             beyond = pulled_apart(J, dq, ATTITUDE * self._length, links)
         if beyond:
             J = self._tools(arms, of_paths=True)
-            low = joined([b.rates.low for b in bounded])
-            high = joined([b.rates.high for b in bounded])
+            low = joined([rates.low for rates in bounded])
+            high = joined([rates.high for rates in bounded])
             own = zip(arms, self._velocities, strict=True)
             V = joined([arm.seen.inputs.pace * most for arm, most in own])
             wheels = [
@@ -149,24 +126,22 @@ class ConstraintSet:
                 dq, J, low, high, V, self._length, told, self._tool, links, tuple(wheels), costs,
                 kept,
             )  # fmt: skip
-            for i, b in enumerate(bounded):
+            for i, (arm, leash) in enumerate(zip(arms, leashes, strict=True)):
                 # Rates that all bounds of joints allow are inside the leash, and slower ones too.
-                held = b.leash is not None and bool(b.leash.left_by(dq[self.parts[i]]))
+                held = leash is not None and bool(leash.left_by(dq[self.parts[i]]))
                 shares[i] *= float(found.share[i])
                 paces[i] = shares[i] if held else paces[i] * float(found.pace[i])
                 if found.fallback:
-                    limits[i] += (found.fallback,)
+                    arm.limits += (found.fallback,)
             dq = found.dq
-            if guard is not None and watch is not None and any(made_way):
+            if guard is not None and watch is not None and any(arm.made_way for arm in arms):
                 dq = guard.slowed_to_limit(watch, dq)
             tools = [link.tools for link in links]
             shares, paces = least_of(tools, shares), least_of(tools, paces)
-        allowed = self._held_up(arms, dq, shares, paces, limits, rows, groups)
-        if any(made_way):
-            allowed = tuple(a._replace(made_way=m) for a, m in zip(allowed, made_way, strict=True))
+        self._hold_up(arms, dq, shares, paces, rows, groups)
         if guard is None or watch is None or broken is None:
-            return allowed, Clear()
-        return allowed, Clear(watch, guard.shown(watch, broken))
+            return Clear()
+        return Clear(watch, guard.shown(watch, broken))
 
     def _tools(self, arms: Sequence[ArmTick], *, of_paths: bool = False) -> Array:
         """Return the Jacobians (t, 6, n) of the tools, or of their paths."""
@@ -178,50 +153,50 @@ class ConstraintSet:
             J[i][:, joints if own.shape[1] > self._counts[i] else part] = own
         return J
 
-    def _bounded(self, i: int, arm: ArmTick) -> _Bounded:
-        """Return the rates of one mechanism inside its speed bounds, and its other bounds."""
+    def _bounded(self, i: int, arm: ArmTick) -> tuple[Within, Room | None]:
+        """Return the rates of one mechanism inside its speed bounds, and its leash if needed."""
         room, q = self.rooms[i], arm.seen.commanded.motion.q
         V = arm.seen.inputs.pace * self._velocities[i]
-        rates, found = room.within(arm.dq, V, q, arm.seen.error), arm.found
-        limits: tuple[str, ...] = ("joint_speed",) if rates.share < 1.0 else ()
-        if found.n_locked:
-            rates.low[: found.n_locked] = rates.high[: found.n_locked] = 0.0
+        rates = room.within(arm.dq, V, q, arm.seen.error)
+        if rates.share < 1.0:
+            arm.limits += ("joint_speed",)
+        standing = arm.found.n_locked
+        if standing:
+            rates.low[:standing] = rates.high[:standing] = 0.0
         if not rates.beyond:
-            return _Bounded(rates, None, limits)
+            return rates, None
         dq, leash = rates.dq, room.leash(arm.seen.error)
-        limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
-        limits += self._reasons(i, leash.left_by(dq), "leash")
-        if found.synchronized:
+        arm.limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
+        arm.limits += self._reasons(i, leash.left_by(dq), "leash")
+        if arm.found.synchronized:
             part = _part_within(dq, rates.low, rates.high)
             rates = rates._replace(dq=part * dq, share=part * rates.share, beyond=False)
         elif arm.by_joint:
             rates = rates._replace(dq=np.clip(dq, rates.low, rates.high), beyond=False)
-        return _Bounded(rates, leash, limits)
+        return rates, leash
 
-    def _held_up(
+    def _hold_up(
         self,
         arms: Sequence[ArmTick],
         dq: Array,
-        shares: list[float],
-        paces: list[float],
-        limits: list[tuple[str, ...]],
+        shares: Sequence[float],
+        paces: Sequence[float],
         rows: Rows | None,
         groups: Sequence[Index],
-    ) -> tuple[Allowed, ...]:
-        """Return the rates of mechanisms that nothing holds up: else they slow as a whole."""
-        left, memories = [], []
+    ) -> None:
+        """Tell mechanisms the rates of those that nothing holds up: else they slow as a whole."""
+        left = []
         for i, arm in enumerate(arms):
             rates = dq if len(arms) == 1 else dq[self.parts[i]]
             (_, before, _), _, sent = arm.seen.commanded
             # The way of the command in the tick whose effect is measured now.
-            share, joint, memory = self.rooms[i].resisted(
+            share, joint, arm.resistance = self.rooms[i].resisted(
                 rates, before, sent[1] - sent[2], arm.seen.error, arm.resistance
             )
-            memories.append(memory)
             # An arm that may not move gives way at most, and is not held up.
             left.append(share if arm.may_move else 1.0)
             if left[i] < 1.0:
-                limits[i] += (f"leash:{self._names[i][joint]}",)
+                arm.limits += (f"leash:{self._names[i][joint]}",)
         least = min(left)
         if least < 1.0:
             if rows is not None:
@@ -229,12 +204,9 @@ class ConstraintSet:
                 left = [least] * len(left)
             left = least_of(groups, left)
             dq = np.repeat(left, self._counts) * dq
-        if len(arms) == 1:
-            return (Allowed(dq, least * shares[0], limits[0], least * paces[0], memories[0]),)
-        return tuple(
-            Allowed(dq[part], left[i] * shares[i], limits[i], left[i] * paces[i], memories[i])
-            for i, part in enumerate(self.parts)
-        )
+        for i, (arm, part) in enumerate(zip(arms, self.parts, strict=True)):
+            arm.allowed = dq if len(arms) == 1 else dq[part]
+            arm.share, arm.pace = left[i] * shares[i], left[i] * paces[i]
 
     def _reasons(self, i: int, which: list[int], name: str) -> tuple[str, ...]:
         return tuple(f"{name}:{self._names[i][j]}" for j in which)

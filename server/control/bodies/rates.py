@@ -183,7 +183,7 @@ class Resistance(NamedTuple):
 
 @dataclass
 class ArmTick:
-    """What one tick finds out and decides of one arm until barriers look at it, stage by stage.
+    """What one tick finds out and decides of one arm, stage by stage, as far as the barriers.
 
     The one record of `control` that is filled in as the tick goes on: each stage writes what it
     found, and nobody changes it after the barriers.
@@ -213,7 +213,7 @@ class ArmTick:
     scale: float = 1.0
     """Share of that which bounds of the tool's speed leave, 0 to 1."""
     limits: tuple[str, ...] = ()
-    """Names of what took the rest."""
+    """Names of what took the rest, at each stage."""
     whole: Mapping[str, Array] = field(default_factory=lambda: NO_RATES)
     """Rates (n,) of objectives that are taken whole, by name."""
     by_joint: bool = False
@@ -229,12 +229,21 @@ class ArmTick:
     path: Array | None = None
     """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
     in all that move the tool; None: the tool's own."""
-    resistance: Resistance | None = None
-    """What held the arm up a tick ago."""
     may_move: bool = True
     """False of an arm that gives way at most."""
     motion_commanded: bool = True
     """False of an arm that accommodates at most: it makes no way for what comes."""
+    resistance: Resistance | None = None
+    """What holds the arm up: a tick ago, and from the barriers on now."""
+    allowed: Array = field(default_factory=lambda: UNRESOLVED.dq)
+    """Joint rates (n,) that keep every barrier [rad/s]."""
+    share: float = 1.0
+    """Of the asked tool motion: what barriers leave, on its path or sliding, 0 to 1."""
+    pace: float = 1.0
+    """Share of its own speed at which a path may go on, 0 to 1: it leads a tool that slides, and
+    waits for one that the leash holds."""
+    made_way: bool = False
+    """The arm was to go out of the way of something that comes."""
 
     @property
     def spare(self) -> bool:
