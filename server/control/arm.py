@@ -26,7 +26,6 @@ from .bodies.gantry import GantryArm
 from .bodies.rates import (
     IN_WORLD,
     NO_LEVER,
-    NO_RATES,
     ArmMeasurement,
     ArmTick,
     Carrier,
@@ -315,6 +314,7 @@ class Arm:
         tick = ArmTick(
             seen,
             acting,
+            NO_TWIST,
             off_path=task.off_path,
             links=links,
             way=task.position.way if links is not None else NO_LEVER,
@@ -493,7 +493,7 @@ class Arm:
         fold = inputs.beside.fold
         led = inputs.posture is not None or inputs.jog is not None
         if fold is None or led or not seen.moving:
-            return NO_RATES, None
+            return {}, None
         z = self.joint_motion.folding(fold, q, J, inputs.settings.speed_factor)
         return self.redundancy.whole(q, J, objectives, {FOLDING: z}), J @ z
 

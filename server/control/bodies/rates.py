@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -167,11 +166,6 @@ class JointRates(NamedTuple):
     """How far an operator's self-motion has come."""
 
 
-UNRESOLVED: Final = JointRates(np.zeros(0), SelfMotion(np.zeros(0), {}))
-"""Before a body was asked."""
-NO_RATES: Final[Mapping[str, Array]] = MappingProxyType({})
-
-
 class Resistance(NamedTuple):
     """Memory of a resistance that holds an arm up."""
 
@@ -208,21 +202,21 @@ class ArmTick:
     """The arm is at a posture, where spare joints stand."""
     twists: Mapping[str, Array] = field(default_factory=dict)
     """What each source asks for (6,) [m/s, rad/s]."""
-    twist: Array = field(default_factory=lambda: NO_TWIST)
+    twist: Array = field(init=False)
     """Their sum (6,)."""
     scale: float = 1.0
     """Share of that which bounds of the tool's speed leave, 0 to 1."""
     limits: tuple[str, ...] = ()
     """Names of what took the rest, at each stage."""
-    whole: Mapping[str, Array] = field(default_factory=lambda: NO_RATES)
+    whole: Mapping[str, Array] = field(default_factory=dict)
     """Rates (n,) of objectives that are taken whole, by name."""
     by_joint: bool = False
     """The joints are commanded themselves: jogged, or led to a posture."""
     stance: Stance = STANDS
     """How the arm meets what comes."""
-    found: JointRates = UNRESOLVED
+    found: JointRates = field(init=False)
     """What the body resolved, before anything came beside it."""
-    dq: Array = field(default_factory=lambda: UNRESOLVED.dq)
+    dq: Array = field(init=False)
     """Joint rates (n,) that are asked for in all [rad/s]."""
     held: HeldAxes | None = None
     """Axes of the MRF that barriers are to hold; None: all, or none is led."""
@@ -235,7 +229,7 @@ class ArmTick:
     """False of an arm that accommodates at most: it makes no way for what comes."""
     resistance: Resistance | None = None
     """What holds the arm up: a tick ago, and from the barriers on now."""
-    allowed: Array = field(default_factory=lambda: UNRESOLVED.dq)
+    allowed: Array = field(init=False)
     """Joint rates (n,) that keep every barrier [rad/s]."""
     share: float = 1.0
     """Of the asked tool motion: what barriers leave, on its path or sliding, 0 to 1."""

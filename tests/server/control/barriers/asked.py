@@ -14,10 +14,10 @@ from telerobot.server.control.stop.profile import Stop
 def situation(k, dq, motion, scene):
     """Return arms, surroundings and rates dq (n,) of an arm that follows them at once."""
     none = np.zeros(len(dq))
-    found = JointRates(dq, SelfMotion(none, {}))
     told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
-    arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED, found=found, dq=dq)
+    arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED)
+    arm.dq, arm.found = dq, JointRates(dq, SelfMotion(none, {}))
     return (arm,), Surroundings(motion, {}, inputs), dq
