@@ -20,7 +20,7 @@ import numpy as np
 
 from ...config.load import Cell
 from .arm import Arm
-from .barriers.barriers import Clear, ConstraintSet
+from .barriers.barriers import ConstraintSet
 from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
 from .bodies.rates import ArmTick
 from .compiled import evolve
@@ -131,18 +131,19 @@ class Control:
             self._bases(inputs),
             asked[0].seen.placed,
         )
-        clear = self.allow.nearest(asked, around, [each.link for each in on])
+        watch, shown = self.allow.nearest(asked, around, [each.link for each in on])
         bodies = self._of_bodies(before, asked)
-        limited = self._limit(commanded, inputs, asked, clear, on, bodies)
+        limited = self._limit(commanded, inputs, asked, watch, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
         for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            kept, output = arm.finish(before[i], asked[i], clear.shown, limited, part)
+            kept, output = arm.finish(before[i], asked[i], shown, limited, part)
             nexts.append(kept)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
             finish(on, told, [tick.pace for tick in asked], nexts, outputs)
-        return Memory(commanded.followed_by(limited), tuple(nexts), clear.levels), tuple(outputs)
+        levels = {} if watch is None else watch.levels
+        return Memory(commanded.followed_by(limited), tuple(nexts), levels), tuple(outputs)
 
     def _placed(self, inputs: Sequence[Inputs], each: Sequence[Commanded]) -> Sequence[Inputs]:
         """Return the inputs with all sight lines in World, by where arms are commanded to be."""
@@ -187,7 +188,7 @@ class Control:
         commanded: Commanded,
         inputs: Sequence[Inputs],
         asked: Sequence[ArmTick],
-        clear: Clear,
+        watch: ProximityQuery | None,
         on: Sequence[ActiveTask],
         bodies: Sequence[StopConstraint],
     ) -> Limited:
@@ -202,8 +203,8 @@ class Control:
         if inputs[0].intent is Intent.SEED:
             return Limited(motion, stop, False)
         judges: list[StopConstraint] = []
-        if self.allow.guard is not None and clear.watch is not None:
-            judges.append(partial(_shortfall, self.allow.guard, clear.watch))
+        if self.allow.guard is not None and watch is not None:
+            judges.append(partial(_shortfall, self.allow.guard, watch))
         judges += bodies
         judges += [each.violation for each in on]
         judge = None if not judges else judges[0] if len(judges) == 1 else partial(_worst, judges)

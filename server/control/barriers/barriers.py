@@ -1,7 +1,6 @@
 """Barriers: the part of the asked joint rates that all of them allow."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +10,6 @@ from ..scene import Index
 from ..spatial import Array
 from .clearance import (
     CollisionConstraint,
-    Levels,
     ProximityQuery,
     Shown,
     Surroundings,
@@ -19,20 +17,6 @@ from .clearance import (
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .rows import JointLimits, Room, Rows, Within
 from .together import PayloadLink, in_step, least_of, pulled_apart
-
-
-class Clear(NamedTuple):
-    """Collision barriers of one tick; empty where clearances are not kept."""
-
-    watch: ProximityQuery | None = None
-    """The surroundings of the mechanisms."""
-    shown: Shown | None = None
-    """The pairs that are near."""
-
-    @property
-    def levels(self) -> Levels:
-        """Gaps below their bounds, for the next tick."""
-        return {} if self.watch is None else self.watch.levels
 
 
 class ConstraintSet:
@@ -67,10 +51,11 @@ class ConstraintSet:
         arms: Sequence[ArmTick],
         around: Surroundings,
         links: Sequence[PayloadLink] = (),
-    ) -> Clear:
+    ) -> tuple[ProximityQuery | None, Shown | None]:
         """Tell each mechanism the rates nearest to those it asks for that all bounds allow.
 
-        Those of `links` hold one payload.
+        Those of `links` hold one payload. Returns what is near, and the pairs to show; None where
+        clearances are not kept.
         """
         guard, beyond = self.guard, False
         bounded, shares, leashes = [], [], []
@@ -140,8 +125,8 @@ class ConstraintSet:
             shares, paces = least_of(tools, shares), least_of(tools, paces)
         self._hold_up(arms, dq, shares, paces, rows, groups)
         if guard is None or watch is None or broken is None:
-            return Clear()
-        return Clear(watch, guard.shown(watch, broken))
+            return None, None
+        return watch, guard.shown(watch, broken)
 
     def _tools(self, arms: Sequence[ArmTick], *, of_paths: bool = False) -> Array:
         """Return the Jacobians (t, 6, n) of the tools, or of their paths."""

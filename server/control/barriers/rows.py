@@ -320,16 +320,6 @@ _STANDS = 1e-7
 """A way of a tick below this is none [rad]."""
 
 
-class Resisted(NamedTuple):
-    """The part of joint rates that a resistance leaves."""
-
-    share: float
-    """0 to 1."""
-    joint: int
-    """That decides; −1 for none."""
-    memory: Resistance
-
-
 @compiled(
     VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, NUMBER,
     ROW,
@@ -442,20 +432,21 @@ class JointLimits:
 
     def resisted(
         self, dq: Array, now: Array, way: Array, error: Array, memory: Resistance | None
-    ) -> Resisted:
-        """Return what is left of rates dq (n,) so that joints keep their following windows.
+    ) -> tuple[float, int, Resistance]:
+        """Return the share of rates dq (n,) that is left, so that joints keep their windows.
 
+        And the joint that decides, −1 for none, and what to remember.
         Joints go at `now` (n,), and went the `way` (n,) in the tick whose effect is seen; the
         command is ahead of them by `error` (n,).
         """
         if memory is None:
-            return Resisted(1.0, -1, Resistance(error, np.zeros(len(error))))
+            return 1.0, -1, Resistance(error, np.zeros(len(error)))
         pressed = np.zeros(len(error))
         share, joint = slow(
             dq, now, way, error, *memory, self._leash, self._window, self._velocity,
             self._a, self._b, self._period_s, pressed,
         )  # fmt: skip
-        return Resisted(share, joint, Resistance(error, pressed))
+        return share, joint, Resistance(error, pressed)
 
     def approach(self, room: Array) -> Array:
         """Return the greatest rate (n,) towards a bound that is `room` (n,) [rad] away.
