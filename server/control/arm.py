@@ -33,7 +33,7 @@ from .bodies.rates import (
 )
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
-from .hold import COMMANDED, MOVED, STANDS, Retreat, RetreatState, Stance, Standing
+from .hold import COMMANDED, MOVED, STANDS, Retreat, Stance, Standing
 from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings, VirtualLinks
 from .mechanism.model import Dynamics, Mechanism
 from .mechanism.redundancy import Field, LinkState, Redundancy, advance_offset, on_path
@@ -249,11 +249,11 @@ class Arm:
         """Return the same, but for what the torque law and a grasp remember."""
         return evolve(self.seed(), torque=memory.torque, held=memory.held)
 
-    def solve(
-        self, memory: ArmMemory, commanded: Commanded, inputs: Inputs
-    ) -> tuple[ArmMemory, ArmTick]:
+    def solve(self, memory: ArmMemory, commanded: Commanded, inputs: Inputs) -> ArmTick:
         """Return what the task asks of the joints."""
-        return self.answer(*self.ask(memory, commanded, inputs))
+        tick = self.ask(memory, commanded, inputs)
+        self.answer(tick)
+        return tick
 
     def ask(
         self,
@@ -261,7 +261,7 @@ class Arm:
         commanded: Commanded,
         inputs: Inputs,
         carrier: Carrier = IN_WORLD,
-    ) -> tuple[ArmMemory, ArmTick]:
+    ) -> ArmTick:
         """Return what the task asks of the tool, or of the joints where they are commanded.
 
         It is not known yet what of that the arm's own joints do.
@@ -324,24 +324,18 @@ class Arm:
             twists=twists,
             whole=whole,
             stance=stance,
-        )
-        memory = evolve(
-            memory,
-            wrist=wrist,
-            task=task,
-            objectives=objectives,
             moving_since_s=since_s,
-            near=near,
-            links=links,
+            retreat=memory.retreat,
+            grasp=memory.held,
+            resistance=memory.resistance,
         )
+        tick.wrist, tick.task, tick.gains = wrist, task, objectives
         self.led(tick)
         if take is not None:
             tick.limits += ("press",)
-        return memory, tick
+        return tick
 
-    def answer(
-        self, memory: ArmMemory, tick: ArmTick, carried: Array = NO_TWIST
-    ) -> tuple[ArmMemory, ArmTick]:
+    def answer(self, tick: ArmTick, carried: Array = NO_TWIST) -> None:
         """Resolve what is asked for, as `solve` does.
 
         Others carry the tool at a twist `carried` (6,), which the joints need not do.
@@ -349,11 +343,10 @@ class Arm:
         self._resolve(tick, carried)
         self._come_back(tick)
         tick.dq = swept(tick.dq, tick.seen.inputs)
-        retreat = self._giving_way(memory, tick)
+        self._give_way(tick)
         share = self.body.wall_scale(tick.found, tick.seen, tick.dq)
         if share < 1.0:
             tick.dq, tick.limits = share * tick.dq, (*tick.limits, "wall")
-        return evolve(memory, retreat=retreat, insertion=tick.found.insertion), tick
 
     # --- gains -------------------------------------------------------------------------------
 
@@ -566,24 +559,22 @@ class Arm:
                 back = found.dq + found.null.T @ (found.null @ back)
             tick.dq = tick.dq + back
 
-    def _giving_way(self, memory: ArmMemory, tick: ArmTick) -> RetreatState | None:
+    def _give_way(self, tick: ArmTick) -> None:
         """Add what gives way after a touch to the joint rates asked for."""
-        if self.retreat is None or memory.retreat is None:
-            return memory.retreat
-        seen, dq = tick.seen, tick.dq
-        inputs, error, step = seen.inputs, seen.error, self.retreat.step
+        state, retreat = tick.retreat, self.retreat
+        if retreat is None or state is None:
+            return
+        seen, leash = tick.seen, self.p.joints.leash
+        inputs, error = seen.inputs, seen.error
         q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         relieving = tick.by_joint and bool(tick.twists["force"].any())
         held_up: Array | float = 0.0
         if held:
-            held_up = np.where(2.0 * np.abs(error) > self.p.joints.leash, np.sign(error), 0.0)
-        state, tick.dq = step(
-            memory.retreat, q, dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving,
-            held_up,
-        )  # fmt: skip
-        if held:
-            state, tick.dq = self.retreat.yielded(state, tick.dq, error, self.p.joints.leash)
-        return state
+            held_up = np.where(2.0 * np.abs(error) > leash, np.sign(error), 0.0)
+        state, dq = retreat.step(
+            state, q, tick.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving, held_up
+        )
+        tick.retreat, tick.dq = retreat.yielded(state, dq, error, leash) if held else (state, dq)
 
     def motion_commanded(self, twists: Mapping[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
@@ -609,7 +600,7 @@ class Arm:
 
     # --- what barriers have to know, and what became of it ----------------------------------
 
-    def before_barriers(self, memory: ArmMemory, tick: ArmTick, beside: bool) -> None:
+    def before_barriers(self, tick: ArmTick, beside: bool) -> None:
         """Tell the barriers what they have to know; `beside` tells whether clearances are kept."""
         seen, inputs = tick.seen, tick.seen.inputs
         path = self.body.path(seen.kinematics, inputs.ground == "base")
@@ -617,8 +608,7 @@ class Arm:
             path = seen.kinematics.J
         if tick.held is not None:
             path = tick.held.keep @ (seen.whole(slice(0))[0] if path is None else path)
-        tick.path, tick.resistance = path, memory.resistance
-        tick.may_move = memory.moving_since_s is not None
+        tick.path = path
         tick.motion_commanded = not beside or self.motion_commanded(tick.twists, inputs)
 
     def finish(
@@ -631,10 +621,11 @@ class Arm:
     ) -> tuple[ArmMemory, Output]:
         """Return the next memory and what to send, once it is decided how the joints move.
 
-        The arm's are a `part` of those that are `limited`.
+        `memory` is the one that the tick began with; the arm's joints are a `part` of those that
+        are `limited`.
         """
         seen, inputs, motion = asked.seen, asked.seen.inputs, limited.motion.of(part)
-        actuated = self.actuate(memory.torque, seen, motion, memory.wrist.load)
+        actuated = self.actuate(memory.torque, seen, motion, asked.wrist.load)
         scale, pace = asked.scale * asked.share, asked.scale * asked.pace
         stance = asked.stance
         station = stance.station
@@ -643,49 +634,49 @@ class Arm:
         )
         if station is None and stance.alert and (asked.made_way or leaves):
             station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
-        accelerated = sizes(seen.kinematics.J.dot(motion.ddq))[0]
-        memory = evolve(
-            memory,
+        lately = 0.0 if inputs.intent is Intent.SEED else LATELY * memory.max_tool_acceleration
+        after = ArmMemory(
+            objectives=asked.gains,
+            task=self._advanced(asked, limited.stopped, scale, pace),
+            wrist=asked.wrist,
+            max_tool_acceleration=max(sizes(seen.kinematics.J.dot(motion.ddq))[0], lately),
+            moving_since_s=asked.moving_since_s,
+            near=seen.near,
             torque=actuated.state,
+            retreat=asked.retreat,
             station=station,
             resistance=asked.resistance,
+            held=asked.grasp,
+            insertion=asked.found.insertion,
             by_hand=asked.found.by_hand.along(motion.dq),
-            max_tool_acceleration=max(accelerated, LATELY * memory.max_tool_acceleration),
-            task=self._advanced(memory.task, limited.stopped, asked, scale, pace, seen.kinematics),
+            links=asked.links,
         )
-        return memory, Output(
+        return after, Output(
             motion=motion,
             command=actuated.command,
             refusal=actuated.refusal,
             at_rest=motion.stands(STANDING),
             desired=asked,
-            task=memory.task,
-            objectives=memory.objectives,
+            task=after.task,
+            objectives=after.objectives,
             T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
             scale=scale,
             limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
             stop_worsened=limited.worsened,
             shown=shown,
-            at_goal=self._at_goal(memory, inputs, motion.q),
-            bleeding=memory.task.force.bleeding,
-            T_world_path=path_of_mrf(inputs, memory.task.position.T_world_path),
+            at_goal=self._at_goal(after, inputs, motion.q),
+            bleeding=after.task.force.bleeding,
+            T_world_path=path_of_mrf(inputs, after.task.position.T_world_path),
         )
 
-    def _advanced(
-        self,
-        memory: TaskMemory,
-        stopped: bool,
-        asked: ArmTick,
-        scale: float,
-        pace: float,
-        k: Kinematics,
-    ) -> TaskMemory:
+    def _advanced(self, asked: ArmTick, stopped: bool, scale: float, pace: float) -> TaskMemory:
         """Return the task's next memory; the tool did `scale` of what was asked, a path `pace`."""
-        granted = Granted.of(scale, pace, asked.twist, k.T_world_mrf, stopped=stopped)
+        T_world_mrf, task = asked.seen.kinematics.T_world_mrf, asked.task
+        granted = Granted.of(scale, pace, asked.twist, T_world_mrf, stopped=stopped)
         off_path = advance_offset(
-            memory.off_path, asked.found.give_way, granted.share * self.p.period_s
+            task.off_path, asked.found.give_way, granted.share * self.p.period_s
         )
-        return self.task.advanced(memory, granted, off_path)
+        return self.task.advanced(task, granted, off_path)
 
     def _at_goal(self, memory: ArmMemory, inputs: Inputs, q: Array) -> bool:
         if inputs.intent is not Intent.MOVE:

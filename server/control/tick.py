@@ -29,7 +29,7 @@ from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined, parts_of
 from .scene import Body
 from .spatial import Array
-from .state import ArmMemory, Memory, Output
+from .state import Memory, Output
 from .stop.limiter import Commanded, Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
 from .torso import Torso
@@ -109,20 +109,18 @@ class Control:
             placed = {i: member.wanted.seen.inputs for i, member in members.items()}
             inputs = [placed.get(i, given) for i, given in enumerate(inputs)]
         asked: list[ArmTick] = []
-        before: list[ArmMemory] = []
-        shared: dict[int, tuple[ArmMemory, ArmTick]] = {}
+        shared: dict[int, ArmTick] = {}
         for torso in self.torsos:
             shared.update(torso.solve(self.arms, memory.arms, each, inputs))
         for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
             if i in members:
-                kept, wanted, *_ = members[i]
+                tick = members[i].wanted
             elif i in shared:
-                kept, wanted = shared[i]
+                tick = shared[i]
             else:
-                kept, wanted = arm.solve(last, each[i], given)
-            arm.before_barriers(kept, wanted, beside)
-            asked.append(wanted)
-            before.append(kept)
+                tick = arm.solve(last, each[i], given)
+            arm.before_barriers(tick, beside)
+            asked.append(tick)
         first = inputs[0]
         around = Surroundings(
             commanded.motion,
@@ -132,13 +130,13 @@ class Control:
             asked[0].seen.placed,
         )
         watch, shown = self.allow.nearest(asked, around, [each.link for each in on])
-        bodies = self._of_bodies(before, asked)
+        bodies = self._of_bodies(asked)
         limited = self._limit(commanded, inputs, asked, watch, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts, outputs = [], []
-        for i, (arm, part) in enumerate(zip(self.arms, self.parts, strict=True)):
-            kept, output = arm.finish(before[i], asked[i], shown, limited, part)
-            nexts.append(kept)
+        for arm, last, tick, part in zip(self.arms, memory.arms, asked, self.parts, strict=True):
+            after, output = arm.finish(last, tick, shown, limited, part)
+            nexts.append(after)
             outputs.append(output if refusal is None else output._replace(refusal=refusal))
         if on:
             finish(on, told, [tick.pace for tick in asked], nexts, outputs)
@@ -211,13 +209,11 @@ class Control:
         dq = joined([tick.allowed for tick in asked])
         return limiter.step(motion, stop, dq, max(given.pace for given in inputs), judge)
 
-    def _of_bodies(
-        self, memories: Sequence[ArmMemory], asked: Sequence[ArmTick]
-    ) -> list[StopConstraint]:
+    def _of_bodies(self, asked: Sequence[ArmTick]) -> list[StopConstraint]:
         """Return what judges stops of all joints by what their bodies keep."""
         found = []
-        for arm, part, memory, tick in zip(self.arms, self.parts, memories, asked, strict=True):
-            judge = arm.body.stop_constraint(memory.insertion, tick.seen)
+        for arm, part, tick in zip(self.arms, self.parts, asked, strict=True):
+            judge = arm.body.stop_constraint(tick.found.insertion, tick.seen)
             if judge is not None:
                 found.append(judge if len(self.arms) == 1 else partial(_of_part, judge, part))
         return found

@@ -49,10 +49,6 @@ LED_BY_ARMS: Final = HeldAxes.of(np.zeros(6), Pose.identity().R, (0, 0))
 """Axes that the torso's own task holds while its arms lead it: none."""
 
 
-Asked = tuple[ArmMemory, ArmTick]
-"""What `Arm.ask` and `Arm.solve` return."""
-
-
 class Share(NamedTuple):
     """What one arm asks of the joints that it shares."""
 
@@ -123,29 +119,29 @@ class Torso:
         memories: Sequence[ArmMemory],
         each: Sequence[Commanded],
         inputs: Sequence[Inputs],
-    ) -> dict[int, Asked]:
+    ) -> dict[int, ArmTick]:
         """Return what `Arm.solve` does of the torso and of all that it carries, by their places."""
         c, *on = self.tree.tolist()
-        kept, own = arms[c].solve(memories[c], each[c], inputs[c])
+        own = arms[c].solve(memories[c], each[c], inputs[c])
         seen, k, dq = own.seen, own.seen.kinematics, each[c].motion.dq
         carrier = Carrier(self._joints, k.T_world_mrf.p, k.J, dq)
         asked = {i: arms[i].ask(memories[i], each[i], inputs[i], carrier) for i in on}
         if seen.moving:
-            twists = {i: tick.asked for i, (_, tick) in asked.items()}
+            twists = {i: tick.asked for i, tick in asked.items()}
             if own.by_joint or nonzero(own.twist):
                 # What the arms cannot answer: the torso goes no further than their tools allow.
                 answers = _answers(arms, asked, own.dq)
-                twists = {i: _left(twists[i], answers[i][1], own.dq) for i in asked}
+                twists = {i: _left(twists[i], answers[i], own.dq) for i in asked}
             else:
                 own.held = LED_BY_ARMS
             own.dq = own.dq + self._shared(seen, asked, twists)
-        return {c: (kept, own), **_answers(arms, asked, own.dq)}
+        return {c: own, **_answers(arms, asked, own.dq)}
 
     def _shared(
-        self, seen: ArmMeasurement, asked: Mapping[int, Asked], twists: Mapping[int, Array]
+        self, seen: ArmMeasurement, asked: Mapping[int, ArmTick], twists: Mapping[int, Array]
     ) -> Array:
         """Return the rates (k,) of the torso's joints that serve tools' twists (6,) together."""
-        each = [share_of(tick, twists[i]) for i, (_, tick) in asked.items()]
+        each = [share_of(tick, twists[i]) for i, tick in asked.items()]
         shares = [share for share in each if share is not None]
         if not any(np.abs(share.twist).max() > RESIDUE for share in shares):
             return np.zeros(len(self._weight))
@@ -162,14 +158,12 @@ def _left(twist: Array, answer: ArmTick, dq: Array) -> Array:
     return np.asarray(twist - seen.below.J @ dq - seen.kinematics.J @ found.dq)
 
 
-def _answers(arms: Sequence[Arm], asked: Mapping[int, Asked], dq: Array) -> dict[int, Asked]:
+def _answers(arms: Sequence[Arm], asked: Mapping[int, ArmTick], dq: Array) -> dict[int, ArmTick]:
     """Return what arms ask of their joints while a torso's go at dq (k,)."""
-    return {
-        i: arms[i].answer(
-            memory, evolve(tick), tick.seen.below.J @ dq if tick.led_in_world else NO_TWIST
-        )
-        for i, (memory, tick) in asked.items()
-    }
+    found = {i: evolve(tick) for i, tick in asked.items()}
+    for i, tick in found.items():
+        arms[i].answer(tick, tick.seen.below.J @ dq if tick.led_in_world else NO_TWIST)
+    return found
 
 
 def share_of(tick: ArmTick, twist: Array) -> Share | None:

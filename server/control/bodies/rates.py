@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..axes import HeldAxes
-from ..hold import STANDS, Stance
+from ..grasps import GraspState
+from ..hold import STANDS, RetreatState, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
 from ..mechanism.redundancy import (
     NO_DIRECTIONS,
@@ -18,10 +19,12 @@ from ..mechanism.redundancy import (
     SelfMotion,
 )
 from ..mechanism.self_motion import IDLE, HandState
+from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Placed
 from ..scene import Index
 from ..spatial import NO_TWIST, Array, Kinematics, Pose, jacobian_at
 from ..stop.limiter import Commanded
+from ..task.task import TaskMemory
 
 NO_LEVER: Final = np.zeros(3)
 
@@ -179,6 +182,8 @@ class Resistance(NamedTuple):
 class ArmTick:
     """What one tick finds out and decides of one arm, stage by stage, as far as the barriers.
 
+    What of it the next tick needs, `ArmMemory` takes over.
+
     The one record of `control` that is filled in as the tick goes on: each stage writes what it
     found, and nobody changes it after the barriers.
     """
@@ -223,10 +228,20 @@ class ArmTick:
     path: Array | None = None
     """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
     in all that move the tool; None: the tool's own."""
-    may_move: bool = True
-    """False of an arm that gives way at most."""
     motion_commanded: bool = True
     """False of an arm that accommodates at most: it makes no way for what comes."""
+    wrist: WristMemory = field(init=False)
+    """Readings of the force/torque sensor."""
+    task: TaskMemory = field(init=False)
+    """Memory of the sources."""
+    gains: ObjectiveGains = field(init=False)
+    """Gains of the redundancy objectives in effect, whichever of them act."""
+    moving_since_s: float | None = None
+    """When the arm was last enabled or resumed, None while it may not move [s]."""
+    retreat: RetreatState | None = None
+    """How far the arm gives way, as from `answer` on."""
+    grasp: GraspState | None = None
+    """Memory of the payload that it holds with others."""
     resistance: Resistance | None = None
     """What holds the arm up: a tick ago, and from the barriers on now."""
     allowed: Array = field(init=False)
@@ -238,6 +253,11 @@ class ArmTick:
     waits for one that the leash holds."""
     made_way: bool = False
     """The arm was to go out of the way of something that comes."""
+
+    @property
+    def may_move(self) -> bool:
+        """False of an arm that gives way at most."""
+        return self.moving_since_s is not None
 
     @property
     def spare(self) -> bool:

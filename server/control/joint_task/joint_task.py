@@ -46,7 +46,6 @@ from .forces import (
 class Member(NamedTuple):
     """One arm's part in a joint task in one tick."""
 
-    memory: ArmMemory
     wanted: ArmTick
     """With the MRF where it sees it, and nothing that commands it alone."""
     give_way: Array
@@ -305,7 +304,7 @@ class JointTask:
             light = light_s(before_s, forces, T_world_mrf.R[2], T)
         lost = max(light) >= SLIPPED_S
         tuned = [self._tuned(i, of, forces, T_world_mrf.R, lost) for i, of in enumerate(each)]
-        factor, ways = told.settings.speed_factor, [way for _, way in tuned]
+        factor, ways = told.settings.speed_factor, [way for *_, way in tuned]
         wanted, way = bool(told.wrench_desired.any()), sum(ways, np.zeros(6)) / len(ways)
         sums = Told(forces.contact, wanted, T_payload_mrf, T_world_mrf, twist, way)
         intent = Intent.STOP if lost else told.intent
@@ -315,8 +314,8 @@ class JointTask:
         )
         strained = self._giving_way.strained(forces) if moving else None
         members = []
-        for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True)):
-            rates = self._wanted(i, of, memory, {"common": twist, "force": way}, share)
+        for i, (of, (tick, grasp, way)) in enumerate(zip(each, tuned, strict=True)):
+            rates = self._wanted(i, tick, {"common": twist, "force": way}, share)
             rates.twists, rates.twist = {**twists, "force": way}, twist
             if take is not None:
                 rates.twists = {**twists, "force": way + take}
@@ -327,19 +326,16 @@ class JointTask:
                 weights[i], *forces.vertical(i, T_world_mrf.R[2]),
                 apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0], of.held.redefined,
             )  # fmt: skip
-            held = evolve(memory.held, light_s=light[i], weighed=known, weights=weights[i])
-            memory_of_arm = evolve(memory, held=held)
-            members.append(Member(memory_of_arm, rates, share * way, holding))
+            rates.grasp = evolve(grasp, light_s=light[i], weighed=known, weights=weights[i])
+            members.append(Member(rates, share * way, holding))
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
             slowed = self._at_fault(members, forces, R_world_payload)
             by_hand = [m.wanted.found.by_hand.moves for m in members]
             if slowed.share < 1.0 and any(by_hand):
                 still = [
-                    self._wanted(
-                        i, of, memory, {"common": twist, "force": way}, share, by_hand=False
-                    ).dq
-                    for i, (of, (memory, way)) in enumerate(zip(each, tuned, strict=True))
+                    self._wanted(i, tick, {"common": twist, "force": way}, share, by_hand=False).dq
+                    for i, (tick, _, way) in enumerate(tuned)
                 ]
                 members, slowed = self._self_motion_slowed(
                     members, still, slowed, forces, R_world_payload
@@ -475,30 +471,30 @@ class JointTask:
 
     def _tuned(
         self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool
-    ) -> tuple[ArmMemory, Array]:
-        """Return one arm's memory with its gains in effect, and the twist of giving way with them.
+    ) -> tuple[ArmTick, GraspState, Array]:
+        """Return one arm's tick with its gains in effect, and how it gives way with them.
 
-        That is the MRF's (6,), in World axes. None gives way while the payload is `lost`: they
-        would go up and down after their shares.
+        That is what it remembers of its grasp, and the twist of the MRF (6,), in World axes. None
+        gives way while the payload is `lost`: they would go up and down after their shares.
         """
-        k = of.seen.kinematics
+        k, before = of.seen.kinematics, of.before
         inputs = of.seen.inputs
-        task, objectives, since_s = self.arms[i].tuned(of.before, inputs, k, of.wrist)
+        task, objectives, since_s = self.arms[i].tuned(before, inputs, k, of.wrist)
         way, state = np.zeros(6), ForceState()
         if not lost:
             gain = task.gains.get("force", way)
-            way, state = self._giving_way.twist(
-                i, forces, gain, R_world_mrf, k, of.seen.inputs, of.held
-            )
-        memory = evolve(
-            of.before,
-            wrist=of.wrist,
-            task=task,
-            objectives=objectives,
+            way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, k, inputs, of.held)
+        tick = ArmTick(
+            of.seen,
+            objectives,
+            by_hand=before.by_hand,
+            settled=inputs.at_posture,
             moving_since_s=since_s,
-            held=evolve(of.held, force=state),
+            retreat=before.retreat,
+            resistance=before.resistance,
         )
-        return memory, way
+        tick.wrist, tick.task, tick.gains = of.wrist, task, objectives
+        return tick, evolve(of.held, force=state), way
 
     def _at_fault(
         self, members: Sequence[Member], forces: Grasping, R_world_payload: Array
@@ -555,29 +551,21 @@ class JointTask:
     def _wanted(
         self,
         i: int,
-        of: _Of,
-        memory: ArmMemory,
+        tick: ArmTick,
         twists: dict[str, Array],
         share: float,
         *,
         by_hand: bool = True,
     ) -> ArmTick:
-        """Return the twists of one arm, those in common and its own, resolved into joint rates.
+        """Return one arm's tick with its twists, in common and its own, resolved into joint rates.
 
         With what an operator asks of its spare joints, or without that.
         """
-        seen, hand = of.seen, memory.by_hand
-        if not by_hand:
-            seen = seen._replace(inputs=evolve(seen.inputs, self_motion=UNASKED))
-            hand = IDLE
         slowed = {name: share * twist for name, twist in twists.items()}
-        tick = ArmTick(
-            seen,
-            memory.objectives,
-            by_hand=hand,
-            settled=seen.inputs.at_posture,
-            twists=slowed,
-        )
+        tick = evolve(tick, twists=slowed)
+        if not by_hand:
+            still = evolve(tick.seen.inputs, self_motion=UNASKED)
+            tick.seen, tick.by_hand = tick.seen._replace(inputs=still), IDLE
         self.arms[i].resolved(tick)
         tick.scale = share
         if share < 1.0:

@@ -173,8 +173,8 @@ def test_barriers_spare_the_path_of_what_is_held_alone(pa10):
     told = pa10.control.seed(q)
     settings = replace(pa10.settings, held=holding(("y", "rx")))
     inputs = Inputs(0.0, Intent.MOVE, q, settings)
-    memory, tick = arm.solve(told.arms[0], told.commanded, inputs)
-    arm.before_barriers(memory, tick, True)
+    tick = arm.solve(told.arms[0], told.commanded, inputs)
+    arm.before_barriers(tick, True)
     k = tick.seen.kinematics
     R = np.kron(np.eye(2), k.T_world_mrf.R)
     expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ k.J
