@@ -21,7 +21,7 @@ import numpy as np
 from ...config.load import Cell
 from .arm import Arm
 from .barriers.barriers import ConstraintSet
-from .barriers.clearance import CollisionConstraint, ProximityQuery, Surroundings
+from .barriers.clearance import CollisionConstraint, ProximityQuery
 from .bodies.rates import ArmTick
 from .compiled import evolve
 from .inputs import Inputs, Intent
@@ -121,15 +121,9 @@ class Control:
                 tick = arm.solve(last, each[i], given)
             arm.before_barriers(tick, beside)
             asked.append(tick)
-        first = inputs[0]
-        around = Surroundings(
-            commanded.motion,
-            memory.levels,
-            first,
-            self._bases(inputs),
-            asked[0].seen.placed,
+        watch, shown = self.allow.nearest(
+            asked, commanded.motion, memory.levels, self._bases(inputs), [one.link for one in on]
         )
-        watch, shown = self.allow.nearest(asked, around, [each.link for each in on])
         bodies = self._of_bodies(asked)
         limited = self._limit(commanded, inputs, asked, watch, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)

@@ -7,12 +7,13 @@ import numpy as np
 from ..bodies.rates import ArmTick
 from ..joints import Joints, joined, parts_of
 from ..scene import Index
-from ..spatial import Array
+from ..spatial import Array, Motion
 from .clearance import (
+    Bases,
     CollisionConstraint,
+    Levels,
     ProximityQuery,
     Shown,
-    Surroundings,
 )
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .rows import JointLimits, Room, Rows, Within
@@ -49,12 +50,15 @@ class ConstraintSet:
     def nearest(
         self,
         arms: Sequence[ArmTick],
-        around: Surroundings,
+        motion: Motion,
+        levels: Levels,
+        bases: Bases,
         links: Sequence[PayloadLink] = (),
     ) -> tuple[ProximityQuery | None, Shown | None]:
         """Tell each mechanism the rates nearest to those it asks for that all bounds allow.
 
-        Those of `links` hold one payload. Returns what is near, and the pairs to show; None where
+        `motion`, `levels` and `bases` are as in `CollisionConstraint.watch`; those of `links` hold
+        one payload. Returns what is near, and the pairs to show; None where
         clearances are not kept.
         """
         guard, beyond = self.guard, False
@@ -70,8 +74,8 @@ class ConstraintSet:
         if groups:
             dq, shares, links = in_step(dq, self._counts, shares, shares, groups, links)
         watch, rows, broken = None, None, None
-        if guard is not None and around.inputs.settings.avoid:
-            watch = guard.watch(arms, around, dq)
+        if guard is not None and arms[0].seen.inputs.settings.avoid:
+            watch = guard.watch(arms, motion, levels, bases, dq)
             beside = guard.tool_shares(watch)
             if groups and min(beside) < 1.0:
                 _, beside, links = in_step(dq, self._counts, beside, beside, groups, links)

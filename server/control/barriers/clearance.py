@@ -21,7 +21,6 @@ from ..compiled import (
     VECTOR,
     compiled,
 )
-from ..inputs import Inputs
 from ..joints import joined, parts_of
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
 from ..proximity.pairs import NearPairs, PairSearch
@@ -446,25 +445,12 @@ COMMANDED = 1e-4
 """A tool that is to go at more than this was told to [m/s, rad/s]."""
 
 
-class Surroundings(NamedTuple):
-    """Inputs of the barriers that all mechanisms of a cell have in common in one tick."""
-
-    motion: Motion
-    """The commanded joints (n,), of all mechanisms."""
-    levels: Levels
-    """Best gap so far of pairs that are below their bounds."""
-    inputs: Inputs
-    bases: Bases = ()
-    """Bases of all mechanisms where any may move."""
-    placed: Placed | None = None
-    """Where links are, where that is known already."""
-
-
 class ProximityQuery(NamedTuple):
     """Near pairs and barriers of one tick."""
 
     arms: Sequence[ArmTick]
-    around: Surroundings
+    q: Array
+    """The commanded joints (n,), of all arms."""
     sight: NearGaps
     rows: Rows
     """Barriers: first those of the gaps that are near, then those of the workspace."""
@@ -497,10 +483,21 @@ class CollisionConstraint:
         self._clearance, self._speed = avoidance.clearance, cell.config.limits.speed
         self._tools = tuple(self.capsules.body == w.body for w in self.walls)
 
-    def watch(self, arms: Sequence[ArmTick], around: Surroundings, asked: Array) -> ProximityQuery:
-        """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s]."""
-        clearance, (q, dq, _) = self.clearance, around.motion
-        factor = around.inputs.settings.speed_factor
+    def watch(
+        self,
+        arms: Sequence[ArmTick],
+        motion: Motion,
+        levels: Levels,
+        bases: Bases,
+        asked: Array,
+    ) -> ProximityQuery:
+        """Return what is around the arms, if joints are to go at `asked` (n,) [rad/s].
+
+        `motion` is that of all commanded joints (n,), `levels` are the best gaps so far of pairs
+        that are below their bounds, `bases` those of all arms where any may move.
+        """
+        clearance, (q, dq, _), first = self.clearance, motion, arms[0].seen
+        factor = first.inputs.settings.speed_factor
         fastest, speeds, rates = np.empty(len(asked)), [], []
         for arm, part in zip(arms, self._parts, strict=True):
             J, joints = arm.seen.whole(part)
@@ -510,8 +507,8 @@ class CollisionConstraint:
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
-            q, fastest, joined([arm.seen.error for arm in arms]), around.inputs.scene, factor,
-            around.levels, around.bases, around.placed,
+            q, fastest, joined([arm.seen.error for arm in arms]), first.inputs.scene, factor,
+            levels, bases, first.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
         widen = any(
@@ -529,7 +526,7 @@ class CollisionConstraint:
             walled = walls.around(tool, arm.seen.kinematics.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
-        return ProximityQuery(arms, around, sight, Rows.of_all(rows), tuple(speeds), coming)
+        return ProximityQuery(arms, q, sight, Rows.of_all(rows), tuple(speeds), coming)
 
     def makes_way(self, watch: ProximityQuery) -> list[bool]:
         """Return which arms are to go out of the way of something that comes."""
@@ -556,7 +553,7 @@ class CollisionConstraint:
 
     def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
-        share, factor = 1.0, watch.around.inputs.settings.speed_factor
+        share, factor = 1.0, watch.arms[0].seen.inputs.settings.speed_factor
         for arm, part, asked in zip(watch.arms, self._parts, watch.speeds, strict=True):
             J, joints = arm.seen.whole(part)
             speed = float(np.linalg.norm(J[:3] @ dq[joints]))
@@ -580,7 +577,7 @@ class CollisionConstraint:
         self, watch: ProximityQuery, duration_s: float, low: Array, high: Array, postures: Postures
     ) -> float:
         """Return by how much a stop breaks what is kept, at its worst place [m]; 0 for not."""
-        q, bases = watch.around.motion.q, watch.around.bases
+        q, bases = watch.q, watch.sight.bases
         way = np.maximum(high - q, q - low)
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(watch.arms, self.walls, strict=True):

@@ -1,7 +1,6 @@
 """An arm in a tick, as the barriers see it."""
 
 import numpy as np
-from telerobot.server.control.barriers.clearance import Surroundings
 from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick, JointRates
 from telerobot.server.control.hold import COMMANDED
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, Settings
@@ -12,7 +11,7 @@ from telerobot.server.control.stop.profile import Stop
 
 
 def situation(k, dq, motion, scene):
-    """Return arms, surroundings and rates dq (n,) of an arm that follows them at once."""
+    """Return what is watched of an arm that follows rates dq (n,) at once."""
     none = np.zeros(len(dq))
     told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
@@ -20,4 +19,4 @@ def situation(k, dq, motion, scene):
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
     arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED, moving_since_s=0.0)
     arm.dq, arm.found = dq, JointRates(dq, SelfMotion(none, {}))
-    return (arm,), Surroundings(motion, {}, inputs), dq
+    return (arm,), motion, {}, (), dq
