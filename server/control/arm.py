@@ -314,7 +314,6 @@ class Arm:
         tick = ArmTick(
             seen,
             acting,
-            NO_TWIST,
             off_path=task.off_path,
             links=links,
             way=task.position.way if links is not None else NO_LEVER,

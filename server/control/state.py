@@ -1,4 +1,4 @@
-"""Memory and outputs of a tick. All values are immutable by agreement: a tick builds new ones."""
+"""Memory and outputs of a tick. Immutable by agreement: a tick builds new ones."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -72,7 +72,7 @@ class Output(NamedTuple):
     """Why the gate refused the command; the drives must quick-stop then."""
     at_rest: bool
     desired: ArmTick
-    """What was measured and asked of the joints, before barriers; of a joint task, at its shared
+    """What was measured, asked of the joints and left by barriers; of a joint task, at its shared
     MRF."""
     task: TaskMemory
     """The gains in effect, and how far the goal is under way."""

@@ -58,8 +58,8 @@ class ConstraintSet:
         """Tell each mechanism the rates nearest to those it asks for that all bounds allow.
 
         `motion`, `levels` and `bases` are as in `CollisionConstraint.watch`; those of `links` hold
-        one payload. Returns what is near, and the pairs to show; None where
-        clearances are not kept.
+        one payload. Returns what is near, and the pairs to show; None where clearances are not
+        kept.
         """
         guard, beyond = self.guard, False
         bounded, shares, leashes = [], [], []

@@ -239,7 +239,7 @@ class ArmTick:
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
     retreat: RetreatState | None = None
-    """How far the arm gives way, as from `answer` on."""
+    """How far the arm gave way, and from `Arm.answer` on gives way now."""
     grasp: GraspState | None = None
     """Memory of the payload that it holds with others."""
     resistance: Resistance | None = None
