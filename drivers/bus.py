@@ -13,9 +13,9 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Collection
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import can
 import msgpack
@@ -42,6 +42,9 @@ _SO_ATTACH_FILTER: Final = 26
 _BPF: Final = struct.Struct("=HBBI")
 """An instruction of the kernel's packet filter (linux/filter.h): code, jumps if so, if not, k."""
 _TIMESPEC: Final = struct.Struct("@ll")
+_ANCILLARY: Final = socket.CMSG_SPACE(_TIMESPEC.size)
+_CAN_FRAME: Final = struct.Struct("=IB3x8s")
+"""A frame of a kernel's bus (linux/can.h): identifier with flags, length, data."""
 _LARGEST_DATAGRAM: Final = 1024
 _RECEIVE_BUFFER: Final = 1 << 20
 STANDARD: Final = 0x7FF
@@ -132,18 +135,12 @@ class LoopbackBus(UdpMulticastBus):
         deadline = None if timeout is None else time.monotonic() + timeout
         try:
             while True:
-                try:
-                    data, ancillary, _, source = self.receiver.recvmsg(_LARGEST_DATAGRAM, 64)
-                except BlockingIOError:
-                    left = None if deadline is None else deadline - time.monotonic()
-                    if left is not None and left <= 0:
-                        return None
-                    select.select([self.receiver], [], [], left)
-                    continue
+                received = _received(self.receiver, _LARGEST_DATAGRAM, deadline)
+                if received is None:
+                    return None
+                data, stamp, source = received
                 if source == self._own:
                     continue
-                seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
-                stamp = seconds + nanoseconds * 1e-9
                 can_id, head, size = self._known.get(data[:_KEY], _UNKNOWN)
                 if size == len(data) and data.startswith(head):
                     return can_id, data[len(head) :], stamp
@@ -228,6 +225,8 @@ def putting(bus: can.BusABC) -> Callable[[int, bytes], None]:
     """Return what sends standard data frames on a bus."""
     if isinstance(bus, LoopbackBus | InProcessBus):
         return bus.put
+    if _is_classic(bus):
+        return partial(put_by_kernel, bus.socket)
     return lambda can_id, data: bus.send(message_of(can_id, data, 0.0))
 
 
@@ -235,12 +234,63 @@ def taking(bus: can.BusABC) -> Callable[[float], Frame | None]:
     """Return what takes frames from a bus: the next one, None when none came in time [s]."""
     if isinstance(bus, LoopbackBus | InProcessBus):
         return bus.take
+    if _is_classic(bus):
+        return partial(take_from_kernel, bus.socket)
 
     def take(timeout: float) -> Frame | None:
         message = bus.recv(timeout)
         return None if message is None else frame_of(message)
 
     return take
+
+
+# --- Frames of a kernel's bus as they are: python-can's own way makes an object of each, and asks
+# --- the kernel twice
+
+
+def _is_classic(bus: can.BusABC) -> TypeGuard[SocketcanBus]:
+    return isinstance(bus, SocketcanBus) and bus.protocol is can.CanProtocol.CAN_20
+
+
+def put_by_kernel(sender: socket.socket, can_id: int, data: bytes) -> None:
+    """Send a frame without waiting. Raises `can.CanOperationError`."""
+    try:
+        sender.send(_CAN_FRAME.pack(can_id, len(data), data), socket.MSG_DONTWAIT)
+    except OSError as error:
+        raise can.CanOperationError(f"cannot send: {error.strerror}", error.errno) from error
+
+
+def take_from_kernel(receiver: socket.socket, timeout: float) -> Frame | None:
+    """Return the next frame, None when none came in time [s]. Raises `can.CanOperationError`."""
+    try:
+        received = _received(receiver, _CAN_FRAME.size, time.monotonic() + timeout)
+    except OSError as error:
+        raise can.CanOperationError(f"cannot receive: {error.strerror}", error.errno) from error
+    if received is None:
+        return None
+    frame, stamp, _ = received
+    can_id, length, data = _CAN_FRAME.unpack(frame)
+    return can_id, data[:length], stamp
+
+
+def _received(
+    receiver: socket.socket, size: int, deadline_s: float | None
+) -> tuple[bytes, float, Any] | None:
+    """Return what a socket receives next, the kernel's stamp [s], 0 without, and the sender.
+
+    None when nothing came in time [s]. Raises `OSError`.
+    """
+    while True:
+        try:
+            data, told, _, source = receiver.recvmsg(size, _ANCILLARY, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            left = None if deadline_s is None else deadline_s - time.monotonic()
+            if left is not None and left <= 0:
+                return None
+            select.select([receiver], [], [], left)
+            continue
+        seconds, nanoseconds = _TIMESPEC.unpack_from(told[0][2]) if told else (0, 0)
+        return data, seconds + nanoseconds * 1e-9, source
 
 
 def _drop_from(receiver: socket.socket, port: int) -> None:

@@ -5,12 +5,15 @@ import select
 import shutil
 import socket
 import subprocess
+import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import can
 import msgpack
 import pytest
+from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 from telerobot.config.schema.bus import BusSection
 from telerobot.drivers import bus as buses
 from telerobot.drivers.bus import (
@@ -20,6 +23,8 @@ from telerobot.drivers.bus import (
     can_interfaces,
     frame_of,
     open_bus,
+    put_by_kernel,
+    take_from_kernel,
 )
 from telerobot.drivers.device import DeviceError
 
@@ -302,6 +307,67 @@ def test_a_bus_that_cannot_be_opened_says_so_in_one_line(config: BusSection, wor
     with pytest.raises(DeviceError, match=words) as refused:
         open_bus(config)
     assert "\n" not in str(refused.value)
+
+
+@pytest.fixture
+def kernels() -> Iterator[tuple[socket.socket, socket.socket]]:
+    """The two ends of a line of packets, each of which is read as a kernel's CAN bus is."""
+    pair = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    yield pair
+    for end in pair:
+        end.close()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        frame(0x205, b"\x01\x02"),
+        frame(0x7FF, bytes(range(8))),
+        frame(0x080),
+        can.Message(arbitration_id=0x123456, is_extended_id=True, data=b"\xff"),
+        can.Message(arbitration_id=0x201, is_extended_id=False, is_remote_frame=True, dlc=3),
+        can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False, data=bytes(8)),
+    ],
+    ids=["standard", "full", "empty", "extended", "remote", "error"],
+)
+def test_a_kernels_frames_are_what_python_can_has_of_them(kernels, message) -> None:
+    ours, other = kernels
+    other.send(build_can_frame(message))
+    taken = take_from_kernel(ours, 1.0)
+    assert taken == frame_of(message)
+    assert take_from_kernel(ours, 0.0) is None
+    if message.is_remote_frame:
+        return  # we ask nobody
+    put_by_kernel(ours, *taken[:2])
+    assert dissect_can_frame(other.recv(72)) == dissect_can_frame(build_can_frame(message))
+
+
+def test_a_frame_is_waited_for_as_long_as_it_may_take_to_come(kernels) -> None:
+    ours, other = kernels
+    start_s = time.monotonic()
+    assert take_from_kernel(ours, 0.05) is None
+    assert time.monotonic() - start_s >= 0.05
+    late = threading.Timer(0.05, other.send, [build_can_frame(frame(0x181, b"late"))])
+    late.start()
+    assert take_from_kernel(ours, 10.0) == (0x181, b"late", 0.0)
+    late.join()
+
+
+def _fill(bus: socket.socket) -> None:
+    while True:
+        put_by_kernel(bus, 0x181, bytes(8))
+
+
+def test_a_kernels_bus_that_takes_no_more_is_an_error_and_is_not_waited_for(kernels) -> None:
+    ours, other = kernels
+    with pytest.raises(can.CanOperationError, match="cannot send: Resource temporarily"):
+        _fill(ours)
+    other.close()
+    with pytest.raises(can.CanOperationError, match="cannot send"):
+        put_by_kernel(ours, 0x181, bytes(8))
+    ours.close()
+    with pytest.raises(can.CanOperationError, match="cannot receive: Bad file"):
+        take_from_kernel(ours, 0.0)
 
 
 @pytest.fixture
