@@ -19,6 +19,7 @@ from ..drivers.kinds import make_drivers
 from ..drivers.network.identity import Identity, identity_of
 from ..protocols.proof import random_key
 from ..protocols.topics import Role
+from .control import compilation
 from .control.tick import Control
 from .cycle import Cycle
 from .events import Level, LogLines, is_journals
@@ -103,6 +104,7 @@ def serve(
     try:
         for notice in (*exposure(cell.config.zenoh), *doubts(identity)):
             log.notice(notice)
+        compilation.make_all()
         clock, ending = MonotonicClock(), Shutdown(seconds)
         link = _join(cell, identity, clock, ending, log)
         if link is None:

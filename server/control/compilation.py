@@ -1,31 +1,37 @@
-"""When kernels are compiled, and news of it; it needs no compiler, so that anybody can ask."""
+"""When kernels are made, and news of it; it needs no compiler, so that anybody can ask.
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+A kernel is made, which is read from disk or compiled, when it is called for the first time. Who
+must not wait then, as a loop in real time, makes all that there are before.
+"""
+
+from collections.abc import Callable
 from typing import Any
 
 Make = Callable[[], bool]
-"""Makes one kernel; returns whether it had to be compiled, and was not on disk."""
+"""Makes one kernel, once; returns whether it had to be compiled, and was not on disk."""
 
 listeners: list[Callable[[str, str], None]] = []
 """Called with module and name of each kernel that was compiled, and not read from disk."""
-_later: list[dict[str, list[Make]]] = []
+makers: dict[str, list[Make]] = {}
+"""Who makes the kernels of each module that was imported."""
 
 
-def make(function: Callable[..., Any], maker: Make) -> None:
-    """Make a kernel now, or when its turn comes."""
-    if _later:
-        _later[-1].setdefault(function.__module__, []).append(maker)
-    elif maker():
-        for listener in listeners:
-            listener(function.__module__, function.__name__)
+def add(function: Callable[..., Any], make: Make) -> Make:
+    """Take note of a kernel; return what makes it and tells of it."""
+
+    def made() -> bool:
+        compiled = make()
+        if compiled:
+            for listener in listeners:
+                listener(function.__module__, function.__name__)
+        return compiled
+
+    makers.setdefault(function.__module__, []).append(made)
+    return made
 
 
-@contextmanager
-def put_off() -> Iterator[dict[str, list[Make]]]:
-    """Make no kernel in here; return who makes them, by module."""
-    _later.append({})
-    try:
-        yield _later[-1]
-    finally:
-        _later.pop()
+def make_all() -> None:
+    """Make the kernels of all modules that were imported."""
+    for each in makers.values():
+        for make in each:
+            make()

@@ -16,9 +16,9 @@ from . import compilation
 # --- Loops over small arrays, compiled to machine code: what numpy's cost per call is too much for
 #
 # A kernel is a plain function of arrays and numbers. `@compiled(...)` states the types of its
-# arguments, so that it is compiled once, before the first tick, and never during one: an
-# argument of another type is a TypeError. Results are the same on every run; nothing is
-# reassociated.
+# arguments, so that it is compiled once: an argument of another type is a TypeError. That is when
+# it is called first; a daemon makes all of them before its first tick (`compilation`). Results are
+# the same on every run; nothing is reassociated.
 #
 # Rules, which `tests/server/control/test_compiled.py` holds:
 #
@@ -92,7 +92,7 @@ def _dispatcher(function: Callable[..., Any], **more: Any) -> Any:
 def compiled(
     *arguments: Any,
 ) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
-    """Return a decorator that compiles a function of arguments with these types.
+    """Return a decorator that compiles a function of arguments with these types, once it is called.
 
     Division by zero gives inf or nan, as in numpy. Where compiled code can be written neither
     beside the source nor under the user's cache folder, it is made at every start.
@@ -102,6 +102,8 @@ def compiled(
         made = _dispatcher(function)
 
         def make() -> bool:
+            if not made._can_compile:
+                return False
             try:
                 made._cache = _Kept(function)
             except RuntimeError as error:
@@ -111,11 +113,25 @@ def compiled(
             made.disable_compile()
             return not made.stats.cache_hits
 
-        compilation.make(function, make)
+        _make_when_called(made, compilation.add(function, make))
         kernel: Callable[Arguments, Result] = made
         return kernel
 
     return decorate
+
+
+def _make_when_called(kernel: Any, make: compilation.Make) -> None:
+    """Let the first call of a kernel make it, be it by Python or by another that is compiled."""
+
+    def by_python(*_arguments: Any, **_more: Any) -> Any:
+        make()
+        return kernel
+
+    def by_kernel(arguments: Any, more: Any) -> Any:
+        make()
+        return type(kernel).get_call_template(kernel, arguments, more)
+
+    kernel._compile_for_args, kernel.get_call_template = by_python, by_kernel
 
 
 def inner_kernel(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:

@@ -12,6 +12,7 @@ from ...drivers.rig.realtime import refuse_second, run_realtime
 from ...drivers.rig.rig import Rig
 from ...drivers.rig.session import RigSession, serve_scanner
 from ...protocols.topics import Role
+from ...server.control import compilation
 from ...server.process import PRIORITY as DAEMON
 from ..host.address import cell_from
 from ..host.local_plant import until_told
@@ -28,6 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate the hardware until told to end. Raises `ConfigError`, `DeviceError`."""
     cell = cell_from(args)
     over = until_told(args.seconds)
+    compilation.make_all()
     buses: list[CanBus] = []
     try:
         buses.extend(open_bus(bus) for bus in cell.config.fieldbuses)

@@ -8,6 +8,7 @@ from ...drivers.network.identity import identity_of
 from ...drivers.network.sensor_session import dial
 from ...protocols import topics as t
 from ...protocols.topics import Role
+from ...server.control import compilation
 from ...server.perception.scanning.process import ScanWork
 from ...server.perception.scanning.scanning import SCAN, Scanning
 from ..host.address import cell_from
@@ -26,6 +27,7 @@ def run(args: argparse.Namespace) -> int:
     for topic in (t.OBSTACLE, t.CONTOUR):  # it puts on both
         identity = identity_of(cell, Role.SENSOR, SCAN, topic.key)
     over = until_told(args.seconds)
+    compilation.make_all()
     session = dial(cell, identity, over, f"the scanner of {cell.config.name} is looked through")
     if session is not None:
         told, complain = lambda line: say(f"telerobot: {line}"), sparing(TOLD_EVERY_S)

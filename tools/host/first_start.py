@@ -121,25 +121,20 @@ def _compile_all() -> Iterator[str]:
 def _compiled() -> Iterator[str]:
     """Compile all kernels; yield the module of each that was not on disk."""
     modules = _with_kernels()
-    with compilation.put_off() as makers:
-        for module in modules:
-            import_module(module)
+    for module in modules:
+        import_module(module)
     # Those who start at the same time need the same kernels: one compiles, the others find them.
     with Path(compilation.__file__).open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        _made.update(makers)
         longest = sorted(modules, key=lambda module: -modules[module])
         with multiprocessing.get_context("fork").Pool(len(os.sched_getaffinity(0))) as pool:
             for module, count in pool.imap_unordered(_make, longest):
                 yield from [module] * count
 
 
-_made: dict[str, list[compilation.Make]] = {}
-
-
 def _make(module: str) -> tuple[str, int]:
     """Make the kernels of a module; return it, and how many were compiled."""
-    return module, sum(make() for make in _made[module])
+    return module, sum(make() for make in compilation.makers[module])
 
 
 def _main() -> None:

@@ -13,7 +13,8 @@ import pytest
 import telerobot.drivers.rig as rig
 import telerobot.server as server
 import telerobot.server.control as control
-from telerobot.server.control.compiled import COUNT, MATRIX, VECTOR, compiled
+from telerobot.server.control import compilation
+from telerobot.server.control.compiled import COUNT, MATRIX, TABLE, VECTOR, compiled
 from telerobot.server.control.spatial import rotation_exp, rotation_log
 
 
@@ -50,6 +51,30 @@ def test_an_argument_of_another_type_is_refused_and_compiles_nothing():
     with pytest.raises(TypeError):
         product(np.ones((2, 2), dtype=np.int64), np.ones(2))
     assert len(product.signatures) == 1
+
+
+def test_a_kernel_that_is_first_called_by_another_is_made_for_its_own_types():
+    # In no file, so that no earlier run left code on disk.
+    there = {"__name__": __name__}
+    exec("def first(x): return x[0]\ndef corner(A): return first(A[0])\n", there)
+    there["first"] = first = compiled(VECTOR)(there["first"])
+    corner = compiled(TABLE)(there["corner"])
+    assert first._can_compile
+    assert corner(np.array([[3.0, 4.0]])) == 3.0
+    assert not first._can_compile
+    assert first.signatures == [(VECTOR,)]
+    assert first(np.arange(1.0, 9.0)[::2]) == 1.0
+
+
+def test_a_first_call_with_another_type_is_refused_too():
+    with pytest.raises(TypeError):
+        last_of("ab")
+    assert last_of(np.array([1.0, 2.0])) == 2.0
+
+
+@compiled(VECTOR)
+def last_of(x):
+    return x[-1]
 
 
 def test_an_index_out_of_bounds_is_an_error():
@@ -132,6 +157,7 @@ def test_kept_code_is_made_anew_when_a_kernel_it_calls_or_a_constant_of_another_
 def test_every_kernel_is_compiled_for_stated_types_once_or_into_those_that_call_it():
     """One that Python calls, too, would be compiled at the first call, in the middle of a tick."""
     called = {id(thing) for _, kernel in kernels() for thing in globals_of(kernel)}
+    compilation.make_all()
     for name, kernel in kernels():
         if not kernel._can_compile:
             assert len(kernel.signatures) == 1, name

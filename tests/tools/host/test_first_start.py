@@ -1,6 +1,7 @@
 import io
 import sys
 
+import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 from telerobot.drivers.rig import rig
@@ -15,12 +16,23 @@ class Terminal(io.StringIO):
         return True
 
 
-def compile_two():
+def two_kernels():
     # Each time in a file that is new to the compiler, so that no earlier run left code on disk.
     for scale in 2.0, 3.0:
         namespace = {"__name__": __name__}
         exec(f"def scaled(x):\n    return {scale} * x[0]\n", namespace)
-        compiled(VECTOR)(namespace["scaled"])
+        yield compiled(VECTOR)(namespace["scaled"])
+
+
+def compile_two():
+    return [kernel(np.ones(1)) for kernel in two_kernels()]
+
+
+@pytest.fixture(autouse=True)
+def _forgotten():
+    """Kernels of a test are nobody else's."""
+    yield
+    compilation.makers.pop(__name__, None)
 
 
 def test_a_start_that_compiles_for_long_says_so_once(monkeypatch):
@@ -43,6 +55,7 @@ def test_on_a_terminal_a_bar_counts_every_kernel_of_those_there_are(monkeypatch)
 
 def test_as_many_kernels_are_expected_as_the_package_compiles():
     assert {rig.__name__, daemon.__name__} <= sys.modules.keys()
+    compilation.make_all()
     made = {
         id(thing)
         for name, module in sys.modules.items()
@@ -61,11 +74,15 @@ def test_what_is_quick_or_outside_is_not_told(to):
     assert to.getvalue() == ""
 
 
-def test_kernels_that_are_put_off_are_made_when_asked_for(monkeypatch):
-    with compilation.put_off() as makers:
-        compile_two()
-    monkeypatch.setattr(first_start, "_made", makers)
-    assert first_start._make(__name__) == (__name__, 2)
+def test_kernels_are_made_when_asked_for_or_called_and_once():
+    first, second = two_kernels()
+    assert first._can_compile
+    assert second._can_compile
+    assert second(np.ones(1)) == 3.0
+    assert not second._can_compile
+    assert first_start._make(__name__) == (__name__, 1)
+    assert not first._can_compile
+    assert first_start._make(__name__) == (__name__, 0)
 
 
 def test_the_command_shows_a_bar_or_a_line_for_each_to_who_reads_them(monkeypatch, capsys):
