@@ -41,6 +41,8 @@ _SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
 _SO_ATTACH_FILTER: Final = 26
 _BPF: Final = struct.Struct("=HBBI")
 """An instruction of the kernel's packet filter (linux/filter.h): code, jumps if so, if not, k."""
+MOST_AT_ONCE: Final = 1000
+"""Of the frames that wait so many are taken at once [1], and those behind them the next time."""
 _TIMESPEC: Final = struct.Struct("@ll")
 _ANCILLARY: Final = socket.CMSG_SPACE(_TIMESPEC.size)
 _CAN_FRAME: Final = struct.Struct("=IB3x8s")
@@ -73,6 +75,8 @@ class LoopbackBus(UdpMulticastBus):
         self.malformed = 0
         self._known: dict[bytes, tuple[int, bytes, int]] = {}
         """Of standard data frames that came: identifier, what stands before the data, all bytes."""
+        self._unread: deque[Frame] = deque()
+        """Frames that were taken, and wait for `recv`."""
         self.receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -98,7 +102,7 @@ class LoopbackBus(UdpMulticastBus):
         sender.bind((_LOOPBACK, 0))
         sender.connect((channel, port))
         self._own: tuple[str, int] = sender.getsockname()
-        with contextlib.suppress(OSError):  # a kernel without it: `_recv_internal` drops echoes
+        with contextlib.suppress(OSError):  # a kernel without it: `take` drops echoes
             _drop_from(receiver, self._own[1])
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -127,28 +131,36 @@ class LoopbackBus(UdpMulticastBus):
         return super().recv(timeout) if self._filters else self._recv_internal(timeout)[0]
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        frame = self.take(timeout)
-        return None if frame is None else message_of(*frame), False
+        if not self._unread:
+            self._unread.extend(self.take(timeout))
+        return message_of(*self._unread.popleft()) if self._unread else None, False
 
-    def take(self, timeout: float | None = 0.0) -> Frame | None:
-        """Return the next frame, None when none came in time [s], as `recv` does."""
-        deadline = None if timeout is None else time.monotonic() + timeout
+    def take(self, timeout: float | None = 0.0) -> list[Frame]:
+        """Return the frames that wait, as `recv` does each.
+
+        The first one is waited for until a timeout [s], None for as long as it takes.
+        """
+        if self._unread:
+            frames = [*self._unread]
+            self._unread.clear()
+            return frames
+        deadline_s = None if timeout is None else time.monotonic() + timeout
         try:
-            while True:
-                received = _received(self.receiver, _LARGEST_DATAGRAM, deadline)
-                if received is None:
-                    return None
-                data, stamp, source = received
-                if source == self._own:
-                    continue
-                can_id, head, size = self._known.get(data[:_KEY], _UNKNOWN)
-                if size == len(data) and data.startswith(head):
-                    return can_id, data[len(head) :], stamp
-                frame = self._read(data, stamp)
-                if frame is not None:
-                    return frame
+            while packets := _packets(self.receiver, _LARGEST_DATAGRAM, deadline_s):
+                frames = []
+                for data, stamp, source in packets:
+                    if source == self._own:
+                        continue
+                    can_id, head, size = self._known.get(data[:_KEY], _UNKNOWN)
+                    if size == len(data) and data.startswith(head):
+                        frames.append((can_id, data[len(head) :], stamp))
+                    elif (frame := self._read(data, stamp)) is not None:
+                        frames.append(frame)
+                if frames:
+                    return frames
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: {error}") from error
+        return []
 
     def _read(self, data: bytes, stamp: float) -> Frame | None:
         try:
@@ -230,16 +242,19 @@ def putting(bus: can.BusABC) -> Callable[[int, bytes], None]:
     return lambda can_id, data: bus.send(message_of(can_id, data, 0.0))
 
 
-def taking(bus: can.BusABC) -> Callable[[float], Frame | None]:
-    """Return what takes frames from a bus: the next one, None when none came in time [s]."""
+def taking(bus: can.BusABC) -> Callable[[float], list[Frame]]:
+    """Return what takes the frames that wait on a bus; for the first one it waits so long [s]."""
     if isinstance(bus, LoopbackBus | InProcessBus):
         return bus.take
     if _is_classic(bus):
         return partial(take_from_kernel, bus.socket)
 
-    def take(timeout: float) -> Frame | None:
-        message = bus.recv(timeout)
-        return None if message is None else frame_of(message)
+    def take(timeout: float) -> list[Frame]:
+        frames, message = [], bus.recv(timeout)
+        while message is not None:
+            frames.append(frame_of(message))
+            message = bus.recv(0.0) if len(frames) < MOST_AT_ONCE else None
+        return frames
 
     return take
 
@@ -260,37 +275,43 @@ def put_by_kernel(sender: socket.socket, can_id: int, data: bytes) -> None:
         raise can.CanOperationError(f"cannot send: {error.strerror}", error.errno) from error
 
 
-def take_from_kernel(receiver: socket.socket, timeout: float) -> Frame | None:
-    """Return the next frame, None when none came in time [s]. Raises `can.CanOperationError`."""
+def take_from_kernel(receiver: socket.socket, timeout: float) -> list[Frame]:
+    """Return the frames that wait; for the first one it waits so long [s].
+
+    Raises `can.CanOperationError`.
+    """
+    frames = []
     try:
-        received = _received(receiver, _CAN_FRAME.size, time.monotonic() + timeout)
+        deadline_s = time.monotonic() + timeout
+        for packet, stamp, _ in _packets(receiver, _CAN_FRAME.size, deadline_s):
+            can_id, length, data = _CAN_FRAME.unpack(packet)
+            frames.append((can_id, data[:length], stamp))
     except OSError as error:
         raise can.CanOperationError(f"cannot receive: {error.strerror}", error.errno) from error
-    if received is None:
-        return None
-    frame, stamp, _ = received
-    can_id, length, data = _CAN_FRAME.unpack(frame)
-    return can_id, data[:length], stamp
+    return frames
 
 
-def _received(
+def _packets(
     receiver: socket.socket, size: int, deadline_s: float | None
-) -> tuple[bytes, float, Any] | None:
-    """Return what a socket receives next, the kernel's stamp [s], 0 without, and the sender.
+) -> list[tuple[bytes, float, Any]]:
+    """Return what waits at a socket: bytes, the kernel's stamp [s], 0 without, and the sender.
 
-    None when nothing came in time [s]. Raises `OSError`.
+    The first packet is waited for until a deadline [s], None for as long as it takes. Raises
+    `OSError`.
     """
-    while True:
+    packets: list[tuple[bytes, float, Any]] = []
+    while len(packets) < MOST_AT_ONCE:
         try:
             data, told, _, source = receiver.recvmsg(size, _ANCILLARY, socket.MSG_DONTWAIT)
         except BlockingIOError:
             left = None if deadline_s is None else deadline_s - time.monotonic()
-            if left is not None and left <= 0:
-                return None
+            if packets or (left is not None and left <= 0):
+                break
             select.select([receiver], [], [], left)
             continue
         seconds, nanoseconds = _TIMESPEC.unpack_from(told[0][2]) if told else (0, 0)
-        return data, seconds + nanoseconds * 1e-9, source
+        packets.append((data, seconds + nanoseconds * 1e-9, source))
+    return packets
 
 
 def _drop_from(receiver: socket.socket, port: int) -> None:
@@ -372,20 +393,23 @@ class InProcessBus(can.BusABC):
             underway.clear()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next frame, as `take` does."""
-        frame = self.take(timeout)
-        return None if frame is None else message_of(*frame)
+        """Return the next frame, as `take` returns all."""
+        self._wait(timeout)
+        return message_of(*self._queue.popleft()) if self._queue else None
 
-    def take(self, timeout: float | None = 0.0) -> Frame | None:
-        """Return the next frame; with none there, let the others run once, then try again.
+    def take(self, timeout: float | None = 0.0) -> list[Frame]:
+        """Return the frames that wait; with none there, let the others run once, then try again.
 
-        Never waits for the wall clock: None means that nothing came of the others' turn. With
+        Never waits for the wall clock: none means that nothing came of the others' turn. With
         `timeout` 0 the others get no turn.
         """
+        self._wait(timeout)
         queue = self._queue
-        if not queue and timeout != 0 and self.hub.pump is not None:
+        return [queue.popleft() for _ in range(min(len(queue), MOST_AT_ONCE))]
+
+    def _wait(self, timeout: float | None) -> None:
+        if not self._queue and timeout != 0 and self.hub.pump is not None:
             self.hub.pump()
-        return queue.popleft() if queue else None
 
     def fileno(self) -> int:
         """Return -1: there is nothing to select on."""

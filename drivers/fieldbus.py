@@ -48,7 +48,6 @@ MOST_LATE: Final = 3
 """Answers that may still come to so many SYNCs before the newest one [1]."""
 SYNC_DOUBT_S: Final = 2.5e-4
 """A SYNC that took so much longer to send than others went out nobody knows when [s]."""
-_MOST_FRAMES_AT_ONCE: Final = 1000
 _SDO_ABORT: Final = 0x80
 _SDO_BYTES: Final = 8
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
@@ -111,7 +110,7 @@ class Fieldbus:
             can301.SYNC_ID,
             can301.heartbeat_id(can301.MASTER_NODE),
         }
-        self._put_frame, self._take_frame = putting(bus), taking(bus)
+        self._put_frame, self._take_frames = putting(bus), taking(bus)
         self._waiting: deque[Frame] = deque()
         self._replies: set[int] = set()
         """Identifiers of the SDO replies of all nodes that are known."""
@@ -182,12 +181,11 @@ class Fieldbus:
     def receive(self, now: float) -> int:
         """Dispatch every frame that is there, without blocking; return how many there were."""
         self.now = now
-        for count in range(_MOST_FRAMES_AT_ONCE):
-            frame = self._waiting.popleft() if self._waiting else self._take(0)
-            if frame is None:
-                return count
+        frames = [*self._waiting, *self._take(0.0)]
+        self._waiting.clear()
+        for frame in frames:
             self._dispatch(*frame)
-        return _MOST_FRAMES_AT_ONCE
+        return len(frames)
 
     def wait(self, timeout_s: float) -> bool:
         """Block until there may be a frame to receive, or until the timeout [s].
@@ -199,10 +197,8 @@ class Fieldbus:
         descriptor = self.descriptor
         if descriptor >= 0:
             return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
-        frame = self._take(timeout_s)
-        if frame is not None:
-            self._waiting.append(frame)
-        return frame is not None
+        self._waiting.extend(self._take(timeout_s))
+        return bool(self._waiting)
 
     @property
     def descriptor(self) -> int:
@@ -214,13 +210,12 @@ class Fieldbus:
         deadline = self.clock() + timeout_s
         while not condition():
             left = deadline - self.clock()
-            frame = self._waiting.popleft() if self._waiting else None
-            if frame is None and left > 0:
-                frame = self._take(left)
-            if frame is None:
+            if not self._waiting and left > 0:
+                self._waiting.extend(self._take(left))
+            if not self._waiting:
                 return condition()
             self.now = self.clock()
-            self._dispatch(*frame)
+            self._dispatch(*self._waiting.popleft())
         return True
 
     def pause(self, seconds: float) -> None:
@@ -271,12 +266,12 @@ class Fieldbus:
         for tap in self.taps:
             tap(can_id, data)
 
-    def _take(self, timeout_s: float) -> Frame | None:
+    def _take(self, timeout_s: float) -> list[Frame]:
         try:
-            return self._take_frame(timeout_s)
+            return self._take_frames(timeout_s)
         except (can.CanError, OSError) as error:
             self._fail(Cause.BUS_ERROR, f"cannot receive: {error}")
-            return None
+            return []
 
     def _dispatch(self, can_id: int, data: bytes, stamp: float) -> None:
         handler = self._handlers.get(can_id)

@@ -24,7 +24,9 @@ from telerobot.drivers.bus import (
     frame_of,
     open_bus,
     put_by_kernel,
+    putting,
     take_from_kernel,
+    taking,
 )
 from telerobot.drivers.device import DeviceError
 
@@ -147,11 +149,10 @@ def test_the_quick_way_carries_the_same_datagrams(
         assert heard is not None
         assert heard.equals(frame(can_id, data), timestamp_delta=None)
         a.put(can_id, data)
-        taken = b.take(2.0)
-        assert taken is not None
+        (taken,) = b.take(2.0)
         assert taken[:2] == (can_id, data)
         assert taken[2] > 1e9
-    assert b.take() is None
+    assert b.take() == []
 
 
 def test_the_quick_way_marks_what_is_no_standard_data_frame(
@@ -160,14 +161,13 @@ def test_the_quick_way_marks_what_is_no_standard_data_frame(
     a, b = pair
     kinds = {1 << 31: "is_extended_id", 1 << 30: "is_remote_frame", 1 << 29: "is_error_frame"}
     a.put(0x123, bytes(8))
-    assert b.take(2.0) is not None
+    assert len(b.take(2.0)) == 1
     for flag, kind in kinds.items():
         of: dict[str, Any] = {"is_extended_id": False, kind: True}
         of |= {"dlc": 8} if kind == "is_remote_frame" else {"data": bytes(8)}
         sent = can.Message(arbitration_id=0x123, **of)
         a.send(sent)
-        taken = b.take(2.0)
-        assert taken is not None
+        (taken,) = b.take(2.0)
         assert taken[:2] == (0x123 | flag, bytes(8)) == frame_of(sent)[:2]
 
 
@@ -236,7 +236,7 @@ def test_members_of_a_hub_hear_each_other_in_virtual_time() -> None:
     assert heard is not None
     assert heard.equals(sent, timestamp_delta=None)
     assert heard.timestamp == 1.25
-    assert c.take() == (0x80, bytes(sent.data), 1.25)
+    assert c.take() == [(0x80, bytes(sent.data), 1.25)]
     other = InProcessBus(Hub())
     a.send(frame(0x81))
     assert other.recv(0) is None
@@ -333,9 +333,9 @@ def kernels() -> Iterator[tuple[socket.socket, socket.socket]]:
 def test_a_kernels_frames_are_what_python_can_has_of_them(kernels, message) -> None:
     ours, other = kernels
     other.send(build_can_frame(message))
-    taken = take_from_kernel(ours, 1.0)
+    (taken,) = take_from_kernel(ours, 1.0)
     assert taken == frame_of(message)
-    assert take_from_kernel(ours, 0.0) is None
+    assert take_from_kernel(ours, 0.0) == []
     if message.is_remote_frame:
         return  # we ask nobody
     put_by_kernel(ours, *taken[:2])
@@ -345,12 +345,44 @@ def test_a_kernels_frames_are_what_python_can_has_of_them(kernels, message) -> N
 def test_a_frame_is_waited_for_as_long_as_it_may_take_to_come(kernels) -> None:
     ours, other = kernels
     start_s = time.monotonic()
-    assert take_from_kernel(ours, 0.05) is None
+    assert take_from_kernel(ours, 0.05) == []
     assert time.monotonic() - start_s >= 0.05
     late = threading.Timer(0.05, other.send, [build_can_frame(frame(0x181, b"late"))])
     late.start()
-    assert take_from_kernel(ours, 10.0) == (0x181, b"late", 0.0)
+    assert take_from_kernel(ours, 10.0) == [(0x181, b"late", 0.0)]
     late.join()
+
+
+def test_all_that_waits_comes_at_once_in_the_order_of_sending(kernels) -> None:
+    ours, other = kernels
+    for i in range(150):
+        other.send(build_can_frame(frame(0x181, bytes([i]))))
+    assert [data[0] for _, data, _ in take_from_kernel(ours, 0.0)] == [*range(150)]
+
+
+def test_a_bus_of_python_cans_gives_all_that_waits_too() -> None:
+    config = BusSection(interface="virtual", channel="test_all_that_waits")
+    a, b = open_bus(config), open_bus(config)
+    for i in range(5):
+        putting(a)(0x181, bytes([i]))
+    take = taking(b)
+    assert [frame[:2] for frame in take(1.0)] == [(0x181, bytes([i])) for i in range(5)]
+    assert take(0.0) == []
+    a.shutdown()
+    b.shutdown()
+
+
+def test_frames_behind_any_number_of_foreign_datagrams_are_found(pair) -> None:
+    a, b = pair
+    for i in range(200):
+        a.sender.send(b"what is this?")
+        if i % 50 == 0:
+            a.put(0x181, bytes([i]))
+    heard = []
+    while frames := b.take(0.2 if len(heard) < 4 else 0.0):
+        heard += frames
+    assert [data[0] for _, data, _ in heard] == [0, 50, 100, 150]
+    assert b.malformed == 200
 
 
 def _fill(bus: socket.socket) -> None:

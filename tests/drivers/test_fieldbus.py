@@ -139,7 +139,7 @@ def test_an_answer_that_needs_the_others_to_run_is_waited_for(cell: Any) -> None
     cell.played.bus.accept = cell.played.bus.keep
 
     def run_the_node() -> None:
-        while (frame := cell.played.bus.take()) is not None:
+        for frame in cell.played.bus.take():
             cell.played.on_frame(frame)
 
     cell.hub.pump = run_the_node

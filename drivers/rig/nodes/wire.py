@@ -1,5 +1,7 @@
 """One bus of the rig: which nodes hear which identifier, and whether it is plugged in."""
 
+from collections import deque
+
 import can
 
 from ....protocols.canopen import can301
@@ -22,8 +24,8 @@ class Wire:
         """Node of which somebody else sends the heartbeat, as last heard."""
         self._bus = bus
         self._put, self._take = putting(bus), taking(bus)
-        self._next: Frame | None = None
-        """A frame whose stamp was looked at."""
+        self._waiting: deque[Frame] = deque()
+        """Data frames that were taken, and wait for the nodes."""
         self._everyone: tuple[NodeLink, ...] = ()
         self._own_beats: set[int] = set()
         self._routes: dict[int, tuple[NodeLink, ...]] = {can301.NMT_ID: (), can301.SYNC_ID: ()}
@@ -58,23 +60,24 @@ class Wire:
     @property
     def stamp(self) -> float | None:
         """Stamp of the next data frame that waits on the bus [s], None when there is none."""
-        if self._next is None:
-            self._next = self.take()
-        return None if self._next is None else self._next[2]
+        return self._waiting[0][2] if self._waiting or self._fill() else None
 
     def take(self) -> Frame | None:
         """Return the next data frame that waits on the bus, None when there is none."""
-        frame, self._next = self._next, None
-        while frame is None:
+        return self._waiting.popleft() if self._waiting or self._fill() else None
+
+    def _fill(self) -> bool:
+        """Take data frames that wait on the bus; return whether there are any."""
+        while not self._waiting:
             try:
-                frame = self._take(0.0)
+                frames = self._take(0.0)
             except BusErrors:
-                return None
-            if frame is None:
-                return None
-            if frame[0] > STANDARD or not self.plugged:
-                frame = None
-        return frame
+                return False
+            if not frames:
+                return False
+            if self.plugged:
+                self._waiting.extend([frame for frame in frames if frame[0] <= STANDARD])
+        return True
 
     def deliver(self, can_id: int, data: bytes) -> None:
         """Hand a frame to every node that hears it; one that only nodes of theirs send, to none."""

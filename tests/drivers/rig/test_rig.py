@@ -176,7 +176,7 @@ class DownBus(InProcessBus):
             raise can.CanOperationError("Network is down")
         super().put(can_id, data)
 
-    def take(self, timeout: float | None = 0.0) -> Frame | None:
+    def take(self, timeout: float | None = 0.0) -> list[Frame]:
         if self.down:
             raise can.CanOperationError("Network is down")
         return super().take(timeout)
