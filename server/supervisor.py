@@ -10,7 +10,7 @@ from ..config.schema.mechanism import DriveSection
 from ..drivers.device import Cause, DeviceError, Trouble
 from ..protocols.canopen.cia402 import DriveState
 from .control.joints import Joints
-from .control.spatial import Array
+from .control.spatial import Array, exceeds
 from .events import Events
 from .mode import Mode, ModeInputs, PendingAction, next_mode
 from .operators.admission import Admission, Instant
@@ -38,9 +38,8 @@ class FaultDetector:
             return reading.trouble
         if reading.states.count(DriveState.OPERATION_ENABLED) < len(reading.states):
             return self._elsewhere(mode, reading)
-        error = None if following_error is None else np.abs(following_error)
-        if error is not None and (error > self._window).any():
-            return self._left_behind(error)
+        if following_error is not None and exceeds(following_error, self._window):
+            return self._left_behind(np.abs(following_error))
         return None
 
     def _elsewhere(self, mode: Mode, reading: PlantReading) -> Trouble:

@@ -66,7 +66,7 @@ class Master:
         """Return the stick's twist (6,) as the clutch lets it through, None when disengaged."""
         if not self.engaged:
             return None
-        return np.asarray(twist * np.repeat([self.translation, self.rotation], 3))
+        return np.asarray(twist * np.array((*[self.translation] * 3, *[self.rotation] * 3)))
 
     def take(
         self,

@@ -58,7 +58,10 @@ class Pose(NamedTuple):
     @staticmethod
     def identity() -> "Pose":
         """Return the pose of a frame in itself."""
-        return Pose(np.eye(3), np.zeros(3))
+        return Pose(_UNTURNED.copy(), np.zeros(3))
+
+
+_UNTURNED = np.eye(3)
 
 
 def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
@@ -420,6 +423,28 @@ def nonzero(vector: Array) -> bool:
     count = 0
     for i in range(len(vector)):
         count += vector[i] != 0.0
+    return count > 0
+
+
+@compiled(VECTOR)
+def largest(vector: Array) -> float:
+    """Return the size of the largest part of a vector (n,): NaN where one is not a number."""
+    found = 0.0
+    for i in range(len(vector)):
+        size = abs(vector[i])
+        if not size <= found:
+            found = size
+            if size != size:
+                break
+    return found
+
+
+@compiled(VECTOR, VECTOR)
+def exceeds(vector: Array, bounds: Array) -> bool:
+    """Return whether any part of a vector (n,) is larger than its bound, or not a number."""
+    count = 0
+    for i in range(len(vector)):
+        count += not abs(vector[i]) <= bounds[i]
     return count > 0
 
 

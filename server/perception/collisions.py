@@ -14,7 +14,7 @@ from ..control.inputs import Pushed
 from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.parameters import Parameters
 from ..control.scene import Moved
-from ..control.spatial import GRAVITY, Array, sizes
+from ..control.spatial import GRAVITY, Array, exceeds, sizes
 from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
@@ -309,7 +309,7 @@ class CollisionMonitor:
     def carried(self) -> bool:
         """True while the drives carry what the sensor reads, but for friction: it is a weight."""
         external = self._state.external
-        return external is not None and bool((np.abs(external) <= self._carried_within).all())
+        return external is not None and not exceeds(external, self._carried_within)
 
     def update(
         self,

@@ -15,7 +15,7 @@ from ...drivers.device import Cause
 from ..commands.settings import OperatorSettings
 from ..control.inputs import STILL as STILL_DRIVE
 from ..control.inputs import Payload
-from ..control.spatial import GRAVITY, Array, Pose, cross, rotation_log, sizes
+from ..control.spatial import GRAVITY, Array, Pose, cross, nonzero, rotation_log, sizes
 from ..control.state import Output
 from ..control.task.following import STAYS_S
 from ..control.task.task import GAIN_TIME_S
@@ -373,7 +373,7 @@ class LoadMonitor:
     def doubt(self) -> LoadUncertainty | None:
         """Error bounds of the sensor's load, for collision detection; None: it is trusted."""
         off, turned = self._tared, 0.0
-        if self.trust is LoadTrust.EXPLAINED and not off.any():
+        if self.trust is LoadTrust.EXPLAINED and not nonzero(off):
             return None
         if self.trust is not LoadTrust.EXPLAINED:
             turned = UNKNOWN_LOAD.angle

@@ -28,7 +28,7 @@ from ..control.inputs import (
 from ..control.mechanism.model import Mechanism
 from ..control.mechanism.resolution import bend
 from ..control.scene import Body, Moved
-from ..control.spatial import Array, Motion, Pose, jacobian_at
+from ..control.spatial import Array, Motion, Pose, jacobian_at, largest
 from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
@@ -405,7 +405,7 @@ class Unit:
         if output.at_goal and goals.posture is not None:
             goals.finish_posture()
             self.events.info("posture_reached")
-        elif goals.at_rest and np.abs(output.desired.twists["following"]).max() > LED:
+        elif goals.at_rest and largest(output.desired.twists["following"]) > LED:
             goals.led_by_hand()
 
     def _tell_station(self, memory: ArmMemory, output: Output) -> None:

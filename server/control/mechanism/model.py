@@ -9,7 +9,7 @@ import pinocchio as pin
 from ....config.errors import ConfigError
 from ....config.load import Cell
 from ..forest import Branch, Masses, Tip, kinematics, needed
-from ..spatial import GRAVITY, Array, Kinematics, Pose, jacobian_at
+from ..spatial import GRAVITY, Array, Kinematics, Pose, jacobian_at, nonzero
 from ..wheels import DifferentialDrive
 from .arm_angle import ArmAngle
 
@@ -272,7 +272,7 @@ class Dynamics:
 
         The tool's own mass makes way for it.
         """
-        if self._told is not None and mass == self._told[0] and (com == self._told[1]).all():
+        if self._told is not None and mass == self._told[0] and not nonzero(com - self._told[1]):
             return
         self._told = mass, com
         self.carried = (mass, self._T_wrist_sensor.R @ com + self._T_wrist_sensor.p)

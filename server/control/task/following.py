@@ -8,7 +8,16 @@ import numpy as np
 
 from ....config.schema.sources import FollowingSection
 from ..compiled import MATRIX, NUMBER, VECTOR, compiled, inner_kernel
-from ..spatial import NO_TWIST, Array, Pose, moved_near, pose_error, right_jacobian, slowed_at
+from ..spatial import (
+    NO_TWIST,
+    Array,
+    Pose,
+    largest,
+    moved_near,
+    pose_error,
+    right_jacobian,
+    slowed_at,
+)
 from .source import Context, Granted, Redefined, Shaping, Source
 
 STANDING = 1e-6
@@ -79,8 +88,8 @@ class Following(Source[FollowingState]):
         """
         if not context.guided:
             state, gain = _IDLE, NO_TWIST
-        strength = min(1.0, float(gain.max()))
-        if strength <= 0.0 and float(np.abs(state.twist).max()) < STANDING:
+        strength = min(1.0, largest(gain))
+        if strength <= 0.0 and largest(state.twist) < STANDING:
             return NO_TWIST, _IDLE
         T_world_mrf, felt = context.k.T_world_mrf, None
         wrench_on_arm = None if context.hand is None else -context.hand

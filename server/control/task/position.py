@@ -16,6 +16,7 @@ from ..spatial import (
     Pose,
     differ,
     from_target,
+    largest,
     motion_at,
     pose_error,
     rotate_twist,
@@ -81,7 +82,7 @@ class StraightPlanner:
         start = self._start(goal, T, twist, np.zeros(3))
         # Sharing the bounds out by direction makes them hold along the path, not per axis.
         shares = np.full(6, 1.0 / math.sqrt(3.0))
-        if float(np.abs(twist).max()) < 1e-6:
+        if largest(twist) < 1e-6:
             start = Motion.at_rest(start.q)
             shares = along(self._span(goal, start), shares)
         try:
@@ -198,7 +199,7 @@ class Free(NamedTuple):
     @property
     def finished(self) -> bool:
         """True while it stands, and is told to."""
-        stands = float(np.abs(self.twist).max()) < AT_REST
+        stands = largest(self.twist) < AT_REST
         return stands and not isinstance(self.aim, Pose) and not self.aim.any()
 
 

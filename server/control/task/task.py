@@ -9,7 +9,7 @@ import numpy as np
 
 from ....config.schema.sources import ScheduleSection, SourcesSection
 from ..axes import FREE_TIME_S, faded
-from ..spatial import NO_TWIST, Array, Motion, differ, sizes, twist_at, within
+from ..spatial import NO_TWIST, Array, Motion, differ, largest, sizes, twist_at, within
 from ..stop.trajectory import VelocityPlanner
 from .following import Following
 from .position import Position, PositionState
@@ -94,7 +94,7 @@ class Gains:
         for name, gain in now.items():
             aim = target[name]
             way = aim - gain
-            near = gain is aim or name in at_once or np.abs(way).max() < 1e-7
+            near = gain is aim or name in at_once or largest(way) < 1e-7
             ramped[name] = aim if near else gain + self.part * way
             there = there and near
         return target if there else ramped

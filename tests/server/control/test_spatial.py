@@ -8,8 +8,10 @@ from telerobot.server.control.spatial import (
     Pose,
     cross,
     differ,
+    exceeds,
     from_target,
     jacobian_at,
+    largest,
     motion_at,
     moved,
     moved_near,
@@ -312,3 +314,22 @@ def test_a_body_that_begins_to_turn_is_quickened_at_a_point_aside():
     begins = Motion(np.zeros(6), np.zeros(6), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]))
     found = motion_at(begins, np.array([1.0, 0.0, 0.0]), (1.0, 1.0), np.ones(6))
     np.testing.assert_allclose(found.ddq, [0.0, 0.5, 0.0, 0.0, 0.0, 0.5], atol=1e-15)
+
+
+def test_the_largest_part_is_numpys_even_where_one_is_not_a_number(rng):
+    for n in (1, 6, 7):
+        for _ in range(50):
+            x = rng.normal(size=n) * 10.0 ** rng.integers(-9, 9)
+            assert largest(x) == np.abs(x).max()
+            x[rng.integers(n)] = np.nan
+            assert np.isnan(largest(x))
+    assert largest(np.zeros(6)) == 0.0
+    assert largest(np.array([1.0, -np.inf])) == np.inf
+
+
+def test_what_is_not_a_number_is_beyond_every_bound(rng):
+    for _ in range(200):
+        x, bounds = rng.normal(size=7), rng.uniform(0.5, 3.0, size=7)
+        assert exceeds(x, bounds) == (np.abs(x) > bounds).any()
+    assert not exceeds(np.array([-1.0, 1e9]), np.array([1.0, np.inf]))
+    assert exceeds(np.array([0.0, np.nan]), np.array([1.0, np.inf]))
