@@ -336,3 +336,25 @@ def test_what_a_grasp_is_off_by_stands_in_the_torques_of_the_drives(rng):
         assert not forces.off_by_drives(i, k, pushed(exerted[i], 1e4)).any()
         assert forces.off_by_drives(i, k, pushed(exerted[i], 0.1, touched=False)) is None
         assert forces.off_by_drives(i, k, None) is None
+
+
+def test_arms_remember_which_way_a_joint_was_held_up_until_it_is_free(cell):
+    """So that what leads back out of it is told from what leads on into it, tick by tick."""
+    carrying = Carrying(cell())
+    s2 = 1
+    for _ in range(30):
+        carrying.tick(0.05 * FORWARD)
+    left = carrying.memory.arms[0].resistance
+    assert not left.pressed.any()
+    carrying.world.set_brake(s2, closed=True)
+    pressed = []
+    for _ in range(60):
+        carrying.tick(0.05 * FORWARD + 0.03 * UP)
+        pressed.append(carrying.memory.arms[0].resistance.pressed[s2])
+    held_up = np.flatnonzero(pressed)
+    assert held_up.size > 10
+    assert (np.diff(held_up) == 1).all(), "it was forgotten meanwhile"
+    carrying.world.set_brake(s2, closed=False)
+    for _ in range(60):
+        carrying.tick()
+    assert not carrying.memory.arms[0].resistance.pressed.any()
