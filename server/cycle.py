@@ -27,7 +27,7 @@ from .control.inputs import (
     TwistSegment,
     ViewGoal,
 )
-from .control.joints import Joints
+from .control.joints import Joints, joined
 from .control.spatial import Array
 from .control.tick import Control
 from .mode import Mode
@@ -331,7 +331,7 @@ class Cycle:
         refusal = next((o.refusal for o in outputs if o.refusal is not None), None)
         if refusal is not None and self.mode is not Mode.FAULT:
             self._quick_stop("gate", refusal, "gate_refused")
-        self.plant.write(np.concatenate([output.command for output in outputs]))
+        self.plant.write(joined([output.command for output in outputs]))
         for unit in units:
             self.plant.switch(unit.outputs)
         self.units.keep(self.tick, after, outputs)
