@@ -120,15 +120,15 @@ def compiled(
     return decorate
 
 
-def _make_when_called(kernel: Any, make: compilation.Make) -> None:
+def _make_when_called(kernel: Any, make: Callable[[int], bool]) -> None:
     """Let the first call of a kernel make it, be it by Python or by another that is compiled."""
 
     def by_python(*_arguments: Any, **_more: Any) -> Any:
-        make()
+        make(0)
         return kernel
 
     def by_kernel(arguments: Any, more: Any) -> Any:
-        make()
+        make(0)
         return type(kernel).get_call_template(kernel, arguments, more)
 
     kernel._compile_for_args, kernel.get_call_template = by_python, by_kernel

@@ -68,33 +68,34 @@ class _CompileNotice:
         self._said = False
         self._bar: tqdm[None] | None = None
 
-    def __call__(self, module: str, name: str) -> None:
+    def __call__(self, module: str, name: str, left: int) -> None:
         now = time.monotonic()
         if self._began_s is None:
             self._began_s = now
         self._count += 1
         if now - self._began_s < QUIET_S:
             return
-        self._tell(name, now - self._began_s)
-        if module.startswith(f"{PACKAGE}.") and not self._helped:
+        self._tell(name, left)
+        # One by one is quicker for those few that a command calls.
+        if left and module.startswith(f"{PACKAGE}.") and not self._helped:
             self._helped = True
             for helped in _compile_all():
                 self._count += 1
-                self._tell(helped, time.monotonic() - self._began_s)
+                self._tell(helped, left)
 
-    def _tell(self, name: str, elapsed_s: float) -> None:
+    def _tell(self, name: str, left: int) -> None:
         if self._to.isatty():
             if self._bar is None:
                 from tqdm import tqdm  # only for who waits
 
-                most = max(kernels(), self._count)
-                self._bar = tqdm(desc=WORDS, total=most, unit=" kernels", file=self._to)
-                self._bar.start_t -= elapsed_s
-            self._bar.total = max(self._bar.total or 0, self._count)
+                self._bar = tqdm(desc=WORDS, unit=" kernels", file=self._to)
+                self._bar.start_t -= time.monotonic() - (self._began_s or 0.0)
+            if left:
+                self._bar.total = max(kernels(), self._count)
             self._bar.n = self._count
             self._bar.set_postfix_str(name)
         elif not self._said:
-            print(f"{WORDS}; it takes a minute", file=self._to, flush=True)
+            print(WORDS + ("; it takes a minute" if left else ""), file=self._to, flush=True)
             self._said = True
 
     def close(self) -> None:
@@ -134,7 +135,7 @@ def _compiled() -> Iterator[str]:
 
 def _make(module: str) -> tuple[str, int]:
     """Make the kernels of a module; return it, and how many were compiled."""
-    return module, sum(make() for make in compilation.makers[module])
+    return module, sum(make(0) for make in compilation.makers[module])
 
 
 def _main() -> None:
@@ -144,7 +145,7 @@ def _main() -> None:
         if _LINES in sys.argv:
             print(module, flush=True)
         else:
-            news(module, module)
+            news(module, module, 1)
     news.close()
 
 

@@ -116,7 +116,7 @@ from lengths import FACTOR
 from telerobot.server.control import compilation
 from telerobot.server.control.compiled import VECTOR, compiled
 
-compilation.listeners.append(lambda module, name: print(name))
+compilation.listeners.append(lambda module, name, left: print(name))
 
 @compiled(VECTOR)
 def outer(x):

@@ -44,13 +44,32 @@ def test_a_start_that_compiles_for_long_says_so_once(monkeypatch):
     assert to.getvalue().endswith("\n")
 
 
-def test_on_a_terminal_a_bar_counts_every_kernel_of_those_there_are(monkeypatch):
+def test_on_a_terminal_a_bar_counts_kernels_and_of_how_many_where_all_are_made(monkeypatch):
     monkeypatch.setattr(first_start, "QUIET_S", 0.0)
     to = Terminal()
     with first_start.told(to):
         compile_two()
-    assert f" 2/{first_start.kernels()} " in to.getvalue()
+    assert "2 kernels" in to.getvalue()
+    assert "/" not in to.getvalue().replace("s/ kernels", "").replace("kernels/s", "")
     assert to.getvalue().count("\n") == 1
+    monkeypatch.setattr(compilation, "makers", {})
+    monkeypatch.setattr(first_start, "PACKAGE", __name__)  # these are no reason to make all others
+    several = [*two_kernels(), *two_kernels()]
+    with first_start.told(to := Terminal()):
+        compilation.make_all()
+    assert f" 4/{first_start.kernels()} " in to.getvalue()
+    assert not any(kernel._can_compile for kernel in several)
+
+
+def test_only_who_needs_all_kernels_has_them_compiled_by_all_processors(monkeypatch):
+    monkeypatch.setattr(first_start, "QUIET_S", 0.0)
+    asked = []
+    monkeypatch.setattr(first_start, "_compile_all", lambda: iter(asked.append("all") or ["room"]))
+    news = first_start._CompileNotice(io.StringIO())
+    for left in 0, 0, 9, 8:
+        news(f"{first_start.PACKAGE}.room", "kernel", left)
+    assert asked == ["all"]
+    assert news._count == 5
 
 
 def test_as_many_kernels_are_expected_as_the_package_compiles():
