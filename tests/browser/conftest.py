@@ -6,6 +6,7 @@ judged by the rig's truth. Nothing here sleeps: `Site.until` waits for a state.
 """
 
 import importlib.util
+import math
 import os
 import re
 import shutil
@@ -41,6 +42,9 @@ PICTURE_S = 2.0
 """How long it believes a picture: a camera's process shares two cores with a Chromium [s]."""
 TRIES = 5
 """So often a page may hang for so long that it loses the lease."""
+
+STAYS, STAYS_S = 2e-4, 0.3
+"""A joint that moves by less [rad] in so much physics time [s] stands."""
 
 SILENT = {"lease_expired", "stream_expired"}
 """What the daemon tells of a page that says nothing for a while; a busy machine makes it."""
@@ -228,14 +232,18 @@ class Site:
             self.plant.turn()
         return done()
 
-    def speed(self):
-        """Return how fast the arm's joints move, in truth [rad/s]; a scanner's nods by itself."""
-        self.plant.turn()
+    def of_joints(self, values):
+        """Return those of the joints that an operator moves; a scanner's nods by itself."""
         cell = self.plant.cell
         swept = [(part.prefix, part.config.mechanism.sweep) for part in cell.parts]
         nodding = [prefix + sweep.joint for prefix, sweep in swept if sweep is not None]
-        rates = zip(cell.joints, self.plant.truth.dq, strict=True)
-        return max(abs(rate) for joint, rate in rates if joint not in nodding)
+        told = zip(cell.joints, values, strict=True)
+        return [value for joint, value in told if joint not in nodding]
+
+    def speed(self):
+        """Return how fast the arm's joints move, in truth [rad/s]."""
+        self.plant.turn()
+        return max(map(abs, self.of_joints(self.plant.truth.dq)))
 
     def hold(self, page, key="r"):
         """Hold a key until the arm moves by it."""
@@ -282,7 +290,24 @@ class Site:
         raise AssertionError(f"the page lost the lease {TRIES} times; {self.plant.told()}")
 
     def until_still(self):
-        self.until(lambda: self.speed() < 0.002, "the arm does not stop")
+        """Wait until the joints have stayed for a while where they are, in truth.
+
+        A command that stands is not enough, nor a low speed: a drive's integrator takes another
+        second for the last millimetre of a quick stop.
+        """
+        stood, since_s = [], 0.0
+
+        def still():
+            nonlocal stood, since_s
+            self.plant.turn()
+            truth = self.plant.truth
+            now = self.of_joints(truth.q)
+            moved = [abs(a - b) for a, b in zip(now, stood, strict=True)] if stood else [math.inf]
+            if max(moved) > STAYS:
+                stood, since_s = now, truth.time_s
+            return truth.time_s - since_s > STAYS_S
+
+        self.until(still, "the arm does not stop")
 
     def lost_the_lease(self):
         """Return whether the daemon has told that a lease ran out."""
