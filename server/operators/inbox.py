@@ -221,13 +221,12 @@ class Inbox:
     # --- mailboxes ---------------------------------------------------------------------------
 
     def _take(self, topics: tuple[t.Topic, ...]) -> list[QueuedMessage]:
-        messages: list[QueuedMessage] = []
-        for topic in topics:
-            box = self._boxes[topic.key]
-            if box:
-                messages += box
+        boxes = [self._boxes[topic.key] for topic in topics]
+        messages = [message for box in boxes for message in box]
+        if messages:
+            self._waiting -= len(messages)
+            for box in boxes:
                 box.clear()
-        self._waiting -= len(messages)
         return messages
 
     def _in_order(self, messages: list[QueuedMessage]) -> Iterator[QueuedMessage]:
