@@ -20,7 +20,7 @@ from ..protocols.messages.telemetry import (
 from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
 from .control.inputs import VirtualLinks
 from .control.mechanism.redundancy import FieldReading, Near
-from .control.spatial import Array
+from .control.spatial import Array, product
 from .control.state import Output
 from .control.task.position import Progress
 from .events import Events
@@ -234,7 +234,9 @@ def _of_task(
         "off_path": None if task.off_path is None else tuple(task.off_path.tolist()),
         "links": None if links is None else _told(links),
         "link_directions": () if links is None else links.directions,
-        "link_offs": () if task.off_path is None else tuple((found.links @ task.off_path).tolist()),
+        "link_offs": ()
+        if task.off_path is None
+        else tuple(product(found.links, task.off_path).tolist()),
         "spheres": {} if near is None else sphere_distances(near),
         "priority": None if near is None else near.alpha,
         "insertion": unit.arm.body.telemetry(found.insertion),

@@ -42,7 +42,7 @@ from .mechanism.self_motion import IDLE, LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
-from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, sizes, wrench_to
+from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, product, sizes, wrench_to
 from .state import ArmMemory, Output
 from .stop.limiter import Commanded, Limited
 from .task.source import Context, Granted
@@ -131,7 +131,7 @@ def context_of(
         moving=seen.moving,
         guided=seen.moving and inputs.posture is None and inputs.jog is None,
         k=k,
-        twist=k.J.dot(seen.commanded.motion.dq) + seen.below.twist,
+        twist=product(k.J, seen.commanded.motion.dq) + seen.below.twist,
         lever=seen.lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
@@ -288,7 +288,7 @@ class Arm:
             near = self.p.priority.look(motion.q, inputs.scene, near, base)
         wrench, hand = self.wrist.contact.at_mrf(wrist.wrench, mrf)
         # A new MRF is no new point of the tool: singularities and shaped rates are told there.
-        lever = k.T_world_wrist.R.dot(self.p.T_wrist_tool.p - mrf.p)
+        lever = product(k.T_world_wrist.R, self.p.T_wrist_tool.p - mrf.p)
         held = None
         if task.held is not None:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
@@ -638,7 +638,7 @@ class Arm:
             objectives=asked.gains,
             task=self._advanced(asked, limited.stopped, scale, pace),
             wrist=asked.wrist,
-            max_tool_acceleration=max(sizes(seen.kinematics.J.dot(motion.ddq))[0], lately),
+            max_tool_acceleration=max(sizes(product(seen.kinematics.J, motion.ddq))[0], lately),
             moving_since_s=asked.moving_since_s,
             near=seen.near,
             torque=actuated.state,

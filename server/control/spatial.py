@@ -37,7 +37,7 @@ class Pose(NamedTuple):
 
     def inverse(self) -> "Pose":
         """Return `T_b_a` of `T_a_b`."""
-        return Pose(self.R.T, -(self.R.T.dot(self.p)))
+        return Pose(self.R.T, -product(self.R.T, self.p))
 
     def to_xyz_rpy(self) -> tuple[float, float, float, float, float, float]:
         """Return x, y, z [m] and fixed-axis roll, pitch, yaw [rad]."""
@@ -415,6 +415,31 @@ def _at(twist: Array, lever: Array, out: Array) -> None:
     out[2] = twist[2] + (twist[3] * lever[1] - twist[4] * lever[0])
     for i in range(3, 6):
         out[i] = twist[i]
+
+
+def product(A: Array, x: Array) -> Array:
+    """Return A x (m,) of a matrix A (m, n)."""
+    out = np.empty(len(A))
+    _multiply(A, x, out)
+    return out
+
+
+@compiled(MATRIX, VECTOR, ROW)
+def _multiply(A: Array, x: Array, out: Array) -> None:
+    for i in range(len(out)):
+        total = 0.0
+        for j in range(A.shape[1]):
+            total += A[i, j] * x[j]
+        out[i] = total
+
+
+@compiled(VECTOR, VECTOR)
+def dot(a: Array, b: Array) -> float:
+    """Return a · b of two vectors (n,)."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
 
 
 @compiled(VECTOR)

@@ -14,7 +14,7 @@ from ..control.inputs import Pushed
 from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.parameters import Parameters
 from ..control.scene import Moved
-from ..control.spatial import GRAVITY, Array, exceeds, sizes
+from ..control.spatial import GRAVITY, Array, exceeds, product, sizes
 from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
@@ -364,8 +364,8 @@ class CollisionMonitor:
         mean = reading.wrench_mean
         if mean is None:
             return None
-        wrench = self._calibration @ (mean.wrench - load[4:])
-        return SensorLoad(wrench, self._calibration @ mean.jump, reading.wrench_mean_lag_s)
+        wrench = product(self._calibration, mean.wrench - load[4:])
+        return SensorLoad(wrench, product(self._calibration, mean.jump), reading.wrench_mean_lag_s)
 
     def _tell_blind(self, blind: bool) -> None:
         was_lost = self._blind_ticks > self._lost_after

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..commands.commands import Commands
 from ..control.mechanism.wrench import LOAD_TIME_S
-from ..control.spatial import GRAVITY, NO_TWIST, Array, Pose, sizes
+from ..control.spatial import GRAVITY, NO_TWIST, Array, Pose, dot, product, sizes
 from ..control.state import Output
 from ..control.task.task import FRAMES
 from ..events import Events
@@ -314,9 +314,9 @@ class ContactStability:
             self._acting = self.share if settings.on["force"] else 1.0
             return self._acting
         if output.seen.wrench is not None:
-            force = output.T_world_mrf_measured.R @ output.seen.wrench[:3]
-            size = math.sqrt(float(force @ force))
-            touching = float(force @ self._normal) > FREE_N
+            force = product(output.T_world_mrf_measured.R, output.seen.wrench[:3])
+            size = math.sqrt(dot(force, force))
+            touching = dot(force, self._normal) > FREE_N
             self._free_s = 0.0 if touching else self._free_s + self._period_s
             self._forces.append(force)
             self._places.append(output.T_world_mrf_measured.p)

@@ -7,7 +7,7 @@ from ...protocols.messages.perception import ContourNews
 from ..commands.commands import Commands
 from ..control.arm import Arm
 from ..control.inputs import Payload
-from ..control.spatial import Pose
+from ..control.spatial import Pose, rotate_twist
 from ..control.state import ArmMemory, Output
 from ..events import Events
 from ..mode import Mode
@@ -67,8 +67,7 @@ class Perception:
         """Update all monitors; `memory` and `output` are those of the tick before."""
         commands, settings, wrench = self._commands, self._commands.settings, None
         if output is not None and output.seen.wrench is not None:
-            R = output.T_world_mrf_measured.R
-            wrench = (output.seen.wrench.reshape(2, 3) @ R.T).ravel()
+            wrench = rotate_twist(output.T_world_mrf_measured.R, output.seen.wrench)
         self._walls.update(memory, reading.q)
         if self.moving_frames.base is not None:
             self.moving_frames.base.take_inertial(reading.inertial)

@@ -22,7 +22,7 @@ from ..mechanism.self_motion import IDLE, HandState
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Placed
 from ..scene import Index
-from ..spatial import NO_TWIST, Array, Kinematics, Pose, jacobian_at
+from ..spatial import NO_TWIST, Array, Kinematics, Pose, jacobian_at, product
 from ..stop.limiter import Commanded
 from ..task.task import TaskMemory
 
@@ -85,7 +85,7 @@ class Carrier(NamedTuple):
     @property
     def twist(self) -> Array:
         """At which the joints are told to move the point now (6,) [m/s, rad/s]."""
-        return self.J @ self.dq if len(self.dq) else NO_TWIST
+        return product(self.J, self.dq) if len(self.dq) else NO_TWIST
 
 
 IN_WORLD: Final = Carrier(slice(0, 0), NO_LEVER, np.zeros((6, 0)), np.zeros(0))

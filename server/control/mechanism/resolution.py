@@ -11,7 +11,7 @@ from ..axes import HeldAxes
 from ..compiled import COUNT, FLAG, MATRIX, NUMBER, ROW, VECTOR, compiled, inner_kernel, record
 from ..inputs import Fold
 from ..linalg import svd
-from ..spatial import Array
+from ..spatial import Array, dot
 
 # --- Damped joint rates beside a singularity, and the curvature of the workspace's boundary:
 # kernels
@@ -359,7 +359,7 @@ class Resolved(NamedTuple):
 
 def answer(at: Directions, p: ResolveSection, travel: Travel | None) -> Resolved:
     """Return the rates (n,) [rad/s] that answer a command beside a singularity."""
-    region, asked = p.singular_region, math.sqrt(float(at.along @ at.along))
+    region, asked = p.singular_region, math.sqrt(dot(at.along, at.along))
     damping = max(_LEAST_DAMPING * p.damping, min(p.damping, asked / _SWIFT))
     least, n = float(at.sigma[len(at.V) - 1]), at.V.shape[1]
     way = _way_home(at, p, travel) if least < p.floor else None

@@ -24,6 +24,7 @@ from ..spatial import (
     nonzero,
     pose_error,
     rotate_twist,
+    sizes,
     twist_at,
     wrench_to,
 )
@@ -292,10 +293,10 @@ def pressed(
     of `LETS_GO_S`. None: nothing is pressed.
     """
     if wrench is not None:
-        size = math.sqrt(float(wrench[:3] @ wrench[:3]))
+        size = sizes(wrench)[0]
         if size > least:
             return rotate_twist(R_world_mrf, wrench / size)
-    if before is None or before[:3] @ before[:3] < FREED**2:
+    if before is None or sizes(before)[0] < FREED:
         return None
     return np.asarray((1.0 - part) * before)
 

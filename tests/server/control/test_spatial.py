@@ -8,6 +8,7 @@ from telerobot.server.control.spatial import (
     Pose,
     cross,
     differ,
+    dot,
     exceeds,
     from_target,
     jacobian_at,
@@ -16,6 +17,7 @@ from telerobot.server.control.spatial import (
     moved,
     moved_near,
     pose_error,
+    product,
     right_jacobian,
     rotate_twist,
     rotation_exp,
@@ -314,6 +316,16 @@ def test_a_body_that_begins_to_turn_is_quickened_at_a_point_aside():
     begins = Motion(np.zeros(6), np.zeros(6), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]))
     found = motion_at(begins, np.array([1.0, 0.0, 0.0]), (1.0, 1.0), np.ones(6))
     np.testing.assert_allclose(found.ddq, [0.0, 0.5, 0.0, 0.0, 0.0, 0.5], atol=1e-15)
+
+
+@pytest.mark.parametrize("shape", [(0, 6), (3, 3), (6, 7), (1, 12)])
+def test_a_product_is_numpys_whatever_the_strides(rng, shape):
+    A, x = rng.normal(size=shape), rng.normal(size=shape[1])
+    assert product(A, x) == pytest.approx(A @ x, abs=1e-14)
+    assert product(A.T.copy().T, x) == pytest.approx(A @ x, abs=1e-14)
+    assert dot(x, x) == pytest.approx(x @ x, rel=1e-14)
+    with pytest.raises(IndexError):
+        product(rng.normal(size=(2, len(x) + 1)), x)
 
 
 def test_the_largest_part_is_numpys_even_where_one_is_not_a_number(rng):
