@@ -1,8 +1,13 @@
 """What the loop asks of the machine is held while it runs, and told where it is refused."""
 
+import ctypes
+import gc
+import mmap
+import re
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from telerobot.server import process
@@ -51,3 +56,34 @@ def test_other_threads_give_the_interpreters_lock_back_soon_while_the_loop_runs(
     before, during, after = map(float, told.split())
     assert during == pytest.approx(process.LOCKED_S)
     assert during < before == after
+
+
+def _huge_kB(at: int) -> int:
+    """Return how much of the mapping around an address is in huge pages [kB]."""
+    around = False
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        if found := re.match(r"(\w+)-(\w+) ", line):
+            around = int(found[1], 16) <= at < int(found[2], 16)
+        if around and line.startswith("AnonHugePages:"):
+            return int(line.split()[1])
+    raise AssertionError("no mapping there")
+
+
+def test_memory_in_use_is_gathered_in_huge_pages_and_stays_what_it_is():
+    with (
+        mmap.mmap(-1, 4 * process.HUGE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as used,
+        mmap.mmap(-1, 4 * process.HUGE, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as spare,
+    ):
+        for each in (used, spare):
+            each.madvise(mmap.MADV_NOHUGEPAGE)  # neighbours stay apart, and small at first
+            each[0] = 1
+        used[:] = words = bytes(range(256)) * (4 * process.HUGE // 256)
+        used.madvise(mmap.MADV_HUGEPAGE)
+        at, beside = (ctypes.addressof(ctypes.c_char.from_buffer(each)) for each in (used, spare))
+        found = process.settle()
+        gc.unfreeze()
+        if found == 0:
+            pytest.skip("a kernel that collapses no pages")
+        assert _huge_kB(at) >= 3 * process.HUGE // 1024
+        assert _huge_kB(beside) == 0
+        assert used[:] == words

@@ -1,7 +1,6 @@
 """`telerobot rig CELL`: the virtual hardware of a cell, at the pace of the wall clock."""
 
 import argparse
-import gc
 import os
 import sys
 
@@ -14,6 +13,7 @@ from ...drivers.rig.session import RigSession, serve_scanner
 from ...protocols.topics import Role
 from ...server.control import compilation
 from ...server.process import PRIORITY as DAEMON
+from ...server.process import settle
 from ..host.address import cell_from
 from ..host.local_plant import until_told
 from ..host.progress import sparing
@@ -67,8 +67,7 @@ def _prefer() -> None:
     Hardware does not slow down because a machine is busy; a rig that is late looks like drives
     that have failed.
     """
-    gc.collect()
-    gc.freeze()
+    settle()
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError as error:
