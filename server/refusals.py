@@ -1,9 +1,9 @@
 """Refusals of well-formed commands and requests, by reason."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from traceback import extract_tb
+from types import TracebackType
+from typing import Final
 
 
 class Why(StrEnum):
@@ -59,18 +59,27 @@ class Refused(Exception):
         self.detail = detail
 
 
-@contextmanager
-def refusing_errors() -> Iterator[None]:
-    """Refuse a message in whose handling anything is raised: one message does not stop the arm.
+class _RefusingErrors:
+    """Refuses a message in whose handling anything is raised: one message does not stop the arm.
 
     Raises `Refused`, with the error and where it was raised. What the handler did before holds.
     """
-    try:
-        yield
-    except Refused:
-        raise
-    except Exception as error:
-        last = extract_tb(error.__traceback__)[-1]
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(
+        self,
+        _: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None or isinstance(error, Refused) or not isinstance(error, Exception):
+            return
+        last = extract_tb(trace)[-1]
         place = f"{last.filename.rpartition('/')[2]}:{last.lineno}"
         words = f"{type(error).__name__}: {error}"
         raise Refused(Why.HANDLER_RAISED, f"{words[:300]} ({place})") from error
+
+
+refusing_errors: Final = _RefusingErrors()
+"""Surrounds the handling of a message."""

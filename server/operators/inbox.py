@@ -30,8 +30,11 @@ FIRST: Final = (t.KEEPALIVE, t.PROTECTIVE_STOP, t.MODE, t.RELEASE)
 REST: Final = tuple(x for x in (*t.COMMANDS, *t.REQUESTS) if x not in FIRST)
 """Sorted in turn, as far as the budget allows."""
 
-HOLDERS: Final = tuple(x for x in t.REQUESTS if x.needs_proof or x is t.PROTECTIVE_CLEAR)
-ORDERS: Final = tuple(x for x in t.COMMANDS if x is not t.KEEPALIVE)
+HOLDERS: Final = frozenset(x.key for x in t.REQUESTS if x.needs_proof or x is t.PROTECTIVE_CLEAR)
+OTHERS: Final = frozenset((t.LEASE.key, t.PROTECTIVE_STOP.key))
+ORDERS: Final = frozenset(x.key for x in t.COMMANDS if x is not t.KEEPALIVE)
+KEEPALIVES: Final = frozenset((t.KEEPALIVE.key,))
+"""Keys whose messages are taken together."""
 
 PART: Final = 0.1
 """Each of sorting, commands and sensors may take so much of a period [1]."""
@@ -83,8 +86,8 @@ class Inbox:
         self._boxes = {x.key: deque[QueuedMessage](maxlen=x.unread) for x in (*FIRST, *REST)}
         self._first, self._rest = ([(x, link.source(x)) for x in part] for part in (FIRST, REST))
         self._sensors = [(x, link.source(x), room(x)) for x in t.SENSORS]
-        self._waiting = 0
-        """Letters in all mailboxes."""
+        self._waiting: set[str] = set()
+        """Keys of the mailboxes that hold something."""
         self._refusals: dict[str, Refusal] = {}
         self._answers_left = ANSWERED
         self.pressed = False
@@ -137,16 +140,15 @@ class Inbox:
 
     def requests(self) -> Iterable[QueuedMessage]:
         """Return the requests: the holder's as they were sent, all others, and stops, which win."""
-        if self._waiting == 0:
+        if not self._waiting:
             return ()
-        holders = self._in_order(self._take(HOLDERS))
-        return chain(holders, self._take((t.LEASE, t.PROTECTIVE_STOP)))
+        return chain(self._in_order(self._take(HOLDERS)), self._take(OTHERS))
 
     def commands(self) -> Iterable[QueuedMessage]:
         """Return the holder's commands: keepalives, then the others as they were sent."""
-        if self._waiting == 0:
+        if not self._waiting:
             return ()
-        return chain(self._take((t.KEEPALIVE,)), self._in_order(self._take(ORDERS)))
+        return chain(self._take(KEEPALIVES), self._in_order(self._take(ORDERS)))
 
     def sensors(self) -> Iterator[QueuedMessage]:
         """Yield sensors' readings, one of each topic in turn, as far as the budget allows."""
@@ -178,7 +180,7 @@ class Inbox:
             return False
         proof = None
         try:
-            with refusing_errors():
+            with refusing_errors:
                 if topic.needs_proof or (topic is t.PROTECTIVE_CLEAR and len(raw.attached) > 0):
                     attached = bytes(raw.attached) if len(raw.attached) < 64 else b""
                     proof = self._admission.prove(topic, payload, attached, now)
@@ -190,9 +192,7 @@ class Inbox:
         box = self._boxes[topic.key]
         if len(box) == box.maxlen:
             box[0].reply(None)
-        else:
-            self._waiting += 1
-        box.append(QueuedMessage(topic, payload, proof, raw.answer))
+        self._put(QueuedMessage(topic, payload, proof, raw.answer))
         return True
 
     def _read(self, topic: t.Topic, raw: RawMessage) -> bytes | None:
@@ -220,13 +220,17 @@ class Inbox:
 
     # --- mailboxes ---------------------------------------------------------------------------
 
-    def _take(self, topics: tuple[t.Topic, ...]) -> list[QueuedMessage]:
-        boxes = [self._boxes[topic.key] for topic in topics]
-        messages = [message for box in boxes for message in box]
-        if messages:
-            self._waiting -= len(messages)
-            for box in boxes:
-                box.clear()
+    def _put(self, queued: QueuedMessage) -> None:
+        self._boxes[queued.topic.key].append(queued)
+        self._waiting.add(queued.topic.key)
+
+    def _take(self, keys: frozenset[str]) -> list[QueuedMessage]:
+        """Return and forget what waits on some keys, key by key."""
+        messages: list[QueuedMessage] = []
+        for key in sorted(self._waiting & keys):
+            self._waiting.remove(key)
+            messages += self._boxes[key]
+            self._boxes[key].clear()
         return messages
 
     def _in_order(self, messages: list[QueuedMessage]) -> Iterator[QueuedMessage]:
@@ -239,8 +243,7 @@ class Inbox:
         for i, queued in enumerate(messages):
             if i > 0 and self._clock() > end_s:
                 for left in messages[i:]:
-                    self._boxes[left.topic.key].append(left)
-                self._waiting += len(messages) - i
+                    self._put(left)
                 return
             yield queued
 

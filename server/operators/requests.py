@@ -246,7 +246,7 @@ class TunnelRequests:
         try:
             self._require(context.mode)
             parts = AT_ONCE if context.drives_off else 1
-            with refusing_errors():
+            with refusing_errors:
                 fitted = sum(1 for _ in islice(self._fitting, parts))
             if fitted == parts:
                 return
@@ -292,7 +292,7 @@ class Services:
         """
         stops = asked.topic in (PROTECTIVE_STOP, MODE)
         try:
-            with nullcontext() if stops else refusing_errors():
+            with nullcontext() if stops else refusing_errors:
                 message = self._admission.admit(
                     asked.topic, asked.payload, asked.proof, context.now
                 )
@@ -429,7 +429,7 @@ class Dispatcher:
 
     def _command(self, queued: QueuedMessage, context: RequestContext) -> None:
         try:
-            with refusing_errors():
+            with refusing_errors:
                 message = self._admission.admit(
                     queued.topic, queued.payload, queued.proof, context.now
                 )
@@ -444,7 +444,7 @@ class Dispatcher:
     def _news(self, queued: QueuedMessage, context: RequestContext) -> None:
         tick = context.now.tick
         try:
-            with refusing_errors():
+            with refusing_errors:
                 news = self._admission.admit(queued.topic, queued.payload, None, context.now)
                 if isinstance(news, Sighting):
                     self._units.seeing(news.camera).perception.vision.take(news, tick)
