@@ -15,7 +15,6 @@ from ..protocols.codec import decode_as, encode
 from ..protocols.messages.messages import JoystickTwist
 from .commands.commands import Commands
 from .control.arm import Arm
-from .control.barriers.clearance import Gap
 from .control.inputs import (
     Inputs,
     Intent,
@@ -28,6 +27,7 @@ from .control.inputs import (
     ViewGoal,
 )
 from .control.joints import Joints, joined
+from .control.proximity.pairs import Gap
 from .control.spatial import Array
 from .control.tick import Control
 from .mode import Mode

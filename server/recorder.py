@@ -24,8 +24,9 @@ import numpy as np
 from mcap.writer import Writer
 from numpy.lib.stride_tricks import as_strided
 
+from .control.bodies.rates import ArmTick
 from .control.inputs import Inputs, Settings
-from .control.state import Memory, Output
+from .control.state import Memory
 from .control.stop.trajectory import PositionPlanner, Profile
 from .events import Events
 from .mode import Mode
@@ -350,16 +351,16 @@ class ReadTick(NamedTuple):
     """Outputs of each arm, as `told` takes them; none where the tick raised."""
 
 
-def told(output: Output) -> tuple[Any, ...]:
+def told(output: ArmTick) -> tuple[Any, ...]:
     """Return what is kept of an output: all that is sent, and what decided it, to the last bit."""
     return (
         output.q.tobytes(),
         output.dq.tobytes(),
         output.command.tobytes(),
         output.seen.error.tobytes(),
-        output.desired.twist.tobytes(),
-        output.scale,
-        output.desired.found.sigma_min,
+        output.twist.tobytes(),
+        output.granted,
+        output.found.sigma_min,
         output.at_rest,
         output.at_goal,
         output.bleeding,
@@ -409,7 +410,7 @@ class FlightLog:
         memory: Memory,
         inputs: Sequence[Inputs],
         after: Memory | None,
-        outputs: Sequence[Output],
+        outputs: Sequence[ArmTick],
     ) -> None:
         """Keep one tick: what it began with, looked at of each arm, ended with and decided.
 

@@ -18,10 +18,10 @@ from ..protocols.messages.telemetry import (
     TaskState,
 )
 from ..protocols.topics import DESCRIPTION, EVENT, HELD, REFLECTION, STATE, TICK
+from .control.bodies.rates import ArmTick
 from .control.inputs import VirtualLinks
 from .control.mechanism.redundancy import FieldReading, Near
 from .control.spatial import Array, product
-from .control.state import Output
 from .control.task.position import Progress
 from .events import Events
 from .mode import Mode
@@ -155,14 +155,14 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
 
 
 def _of_task(
-    record: TickRecord, unit: Unit | JointUnit, output: Output, wrench: Array | None
+    record: TickRecord, unit: Unit | JointUnit, output: ArmTick, wrench: Array | None
 ) -> dict[str, Any]:
     """Return what is told of one arm and its task; `wrench` (6,) is what its sensor reads."""
     commands, perception = unit.commands, unit.perception
     vision, frames, tick = unit.vision, perception.moving_frames, record.tick
     external, passage = perception.collisions.external, perception.passage
-    seen, desired, task, held = output.seen, output.desired, output.task, output.held
-    found, near, settings = desired.found, seen.near, commands.settings
+    seen, found, task, held = output.seen, output.found, output.task, output.holding
+    near, settings = seen.near, commands.settings
     links = settings.links
     path, tunnel, payload = task.position.progress, settings.tunnel, settings.payload
     target, master, by_hand = commands.target, commands.master, commands.self_motion.goal
@@ -197,14 +197,14 @@ def _of_task(
         "view_error": view_error,
         "view_error_px": view_error_px,
         "view_law": view_law,
-        "sources": {name: tuple(twist.tolist()) for name, twist in desired.twists.items()},
+        "sources": {name: tuple(twist.tolist()) for name, twist in output.twists.items()},
         "gains": {name: tuple(gain.tolist()) for name, gain in task.gains.items()},
         "on": dict(settings.on),
-        "twist": tuple(desired.twist.tolist()),
+        "twist": tuple(output.twist.tolist()),
         "self_motion": tuple(found.self_motion.dq.tolist()),
         "objectives": {
             name: (gain, found.self_motion.norms.get(name, 0.0))
-            for name, gain in output.objectives.gains.items()
+            for name, gain in output.gains.gains.items()
         },
         "arm_angle": unit.arm_angle,
         "arm_angle_target": None if by_hand is None else by_hand.angle,
@@ -217,7 +217,7 @@ def _of_task(
             "translation": master.translation,
             "rotation": master.rotation,
         },
-        "scale": output.scale,
+        "scale": output.granted,
         # The last one is why a base that is driven ahead makes no headway.
         "limits": (
             (*output.limits, passage.held)

@@ -19,7 +19,6 @@ from .actuation.actuation import (
 from .actuation.torque import TorqueLaw
 from .axes import FREE_TIME_S, HeldAxes, holding
 from .backbone.insertion import BackboneArm
-from .barriers.clearance import Shown
 from .barriers.rows import JointLimits
 from .bodies.body import Builder, SerialArm
 from .bodies.gantry import GantryArm
@@ -42,8 +41,9 @@ from .mechanism.self_motion import IDLE, LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
+from .proximity.pairs import Shown
 from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, product, sizes, wrench_to
-from .state import ArmMemory, Output
+from .state import ArmMemory
 from .stop.limiter import Commanded, Limited
 from .task.source import Context, Granted
 from .task.sources import joint_share
@@ -341,11 +341,11 @@ class Arm:
         """
         self._resolve(tick, carried)
         self._come_back(tick)
-        tick.dq = swept(tick.dq, tick.seen.inputs)
+        tick.dq_asked = swept(tick.dq_asked, tick.seen.inputs)
         self._give_way(tick)
-        share = self.body.wall_scale(tick.found, tick.seen, tick.dq)
+        share = self.body.wall_scale(tick.found, tick.seen, tick.dq_asked)
         if share < 1.0:
-            tick.dq, tick.limits = share * tick.dq, (*tick.limits, "wall")
+            tick.dq_asked, tick.limits = share * tick.dq_asked, (*tick.limits, "wall")
 
     # --- gains -------------------------------------------------------------------------------
 
@@ -427,7 +427,7 @@ class Arm:
         if tick.scale < 1.0:
             tick.limits = ("tool_speed",)
         if joint_rates is not None:
-            tick.by_joint, tick.dq = True, tick.scale * joint_rates
+            tick.by_joint, tick.dq_asked = True, tick.scale * joint_rates
             return
         if inputs.settings.contact_share < 1.0:
             tick.scale *= inputs.settings.contact_share
@@ -439,7 +439,7 @@ class Arm:
     def _resolve(self, tick: ArmTick, carried: Array = NO_TWIST) -> None:
         """Resolve a twist less what others carry the tool at (6,)."""
         if tick.by_joint:
-            tick.found = JointRates(tick.dq, self.redundancy.none())
+            tick.found = JointRates(tick.dq_asked, self.redundancy.none())
             return
         seen = tick.seen
         inputs, k, held = seen.inputs, seen.kinematics, seen.held
@@ -447,14 +447,14 @@ class Arm:
             tick.asked = tick.asked - (carried if held is None else held.part(carried))
         tick.found = found = self.body.rates(tick)
         tick.held = held
-        tick.dq = found.dq
+        tick.dq_asked = found.dq
         for z in tick.whole.values():
-            tick.dq = tick.dq + tick.scale * z
+            tick.dq_asked = tick.dq_asked + tick.scale * z
         if held is not None:
             # Self-motion moves the tool along axes that are free.
-            share = self.tool_share(k.J @ tick.dq + carried, inputs.settings.speed_factor)
+            share = self.tool_share(k.J @ tick.dq_asked + carried, inputs.settings.speed_factor)
             if share < 1.0:
-                tick.dq, tick.scale = share * tick.dq, share * tick.scale
+                tick.dq_asked, tick.scale = share * tick.dq_asked, share * tick.scale
                 tick.limits += ("tool_speed",)
         tick.limits += found.limits
         idle = found.by_hand is IDLE
@@ -556,7 +556,7 @@ class Arm:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
                 found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
                 back = found.dq + found.null.T @ (found.null @ back)
-            tick.dq = tick.dq + back
+            tick.dq_asked = tick.dq_asked + back
 
     def _give_way(self, tick: ArmTick) -> None:
         """Add what gives way after a touch to the joint rates asked for."""
@@ -571,9 +571,19 @@ class Arm:
         if held:
             held_up = np.where(2.0 * np.abs(error) > leash, np.sign(error), 0.0)
         state, dq = retreat.step(
-            state, q, tick.dq, seen.kinematics.J, inputs.pushed, now_s, held, relieving, held_up
+            state,
+            q,
+            tick.dq_asked,
+            seen.kinematics.J,
+            inputs.pushed,
+            now_s,
+            held,
+            relieving,
+            held_up,
         )
-        tick.retreat, tick.dq = retreat.yielded(state, dq, error, leash) if held else (state, dq)
+        tick.retreat, tick.dq_asked = (
+            retreat.yielded(state, dq, error, leash) if held else (state, dq)
+        )
 
     def motion_commanded(self, twists: Mapping[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
@@ -613,78 +623,66 @@ class Arm:
     def finish(
         self,
         memory: ArmMemory,
-        asked: ArmTick,
+        tick: ArmTick,
         shown: Shown | None,
         limited: Limited,
         part: slice,
-    ) -> tuple[ArmMemory, Output]:
-        """Return the next memory and what to send, once it is decided how the joints move.
+    ) -> ArmMemory:
+        """Write to the tick what to send, once it is decided how joints move; return the memory.
 
         `memory` is the one that the tick began with; the arm's joints are a `part` of those that
         are `limited`.
         """
-        seen, inputs, motion = asked.seen, asked.seen.inputs, limited.motion.of(part)
-        actuated = self.actuate(memory.torque, seen, motion, asked.wrist.load)
-        scale, pace = asked.scale * asked.share, asked.scale * asked.pace
-        stance = asked.stance
-        station = stance.station
-        leaves = (
-            inputs.at_posture and max(asked.found.self_motion.norms.values(), default=0.0) > MOVED
-        )
-        if station is None and stance.alert and (asked.made_way or leaves):
+        seen, inputs, motion = tick.seen, tick.seen.inputs, limited.motion.of(part)
+        actuated = self.actuate(memory.torque, seen, motion, tick.wrist.load)
+        station, found = tick.stance.station, tick.found
+        leaves = inputs.at_posture and max(found.self_motion.norms.values(), default=0.0) > MOVED
+        if station is None and tick.stance.alert and (tick.made_way or leaves):
             station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
         lately = 0.0 if inputs.intent is Intent.SEED else LATELY * memory.max_tool_acceleration
-        after = ArmMemory(
-            objectives=asked.gains,
-            task=self._advanced(asked, limited.stopped, scale, pace),
-            wrist=asked.wrist,
+        tick.task = self._advanced(tick, limited.stopped)
+        tick.motion, tick.shown, tick.stop_worsened = motion, shown, limited.worsened
+        tick.command, tick.refusal = actuated.command, actuated.refusal
+        tick.limits += (("verified_stop",) if limited.stopped else ()) + actuated.limits
+        tick.at_rest, tick.at_goal = motion.stands(STANDING), self._at_goal(tick)
+        tick.T_world_mrf_measured = seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf
+        tick.bleeding = tick.task.force.bleeding
+        tick.T_world_path = path_of_mrf(inputs, tick.task.position.T_world_path)
+        return ArmMemory(
+            objectives=tick.gains,
+            task=tick.task,
+            wrist=tick.wrist,
             max_tool_acceleration=max(sizes(product(seen.kinematics.J, motion.ddq))[0], lately),
-            moving_since_s=asked.moving_since_s,
+            moving_since_s=tick.moving_since_s,
             near=seen.near,
             torque=actuated.state,
-            retreat=asked.retreat,
+            retreat=tick.retreat,
             station=station,
-            resistance=asked.resistance,
-            held=asked.grasp,
-            insertion=asked.found.insertion,
-            by_hand=asked.found.by_hand.along(motion.dq),
-            links=asked.links,
-        )
-        return after, Output(
-            motion=motion,
-            command=actuated.command,
-            refusal=actuated.refusal,
-            at_rest=motion.stands(STANDING),
-            desired=asked,
-            task=after.task,
-            objectives=after.objectives,
-            T_world_mrf_measured=seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf,
-            scale=scale,
-            limits=asked.limits + (("verified_stop",) if limited.stopped else ()) + actuated.limits,
-            stop_worsened=limited.worsened,
-            shown=shown,
-            at_goal=self._at_goal(after, inputs, motion.q),
-            bleeding=after.task.force.bleeding,
-            T_world_path=path_of_mrf(inputs, after.task.position.T_world_path),
+            resistance=tick.resistance,
+            held=tick.grasp,
+            insertion=found.insertion,
+            by_hand=found.by_hand.along(motion.dq),
+            links=tick.links,
         )
 
-    def _advanced(self, asked: ArmTick, stopped: bool, scale: float, pace: float) -> TaskMemory:
-        """Return the task's next memory; the tool did `scale` of what was asked, a path `pace`."""
-        T_world_mrf, task = asked.seen.kinematics.T_world_mrf, asked.task
-        granted = Granted.of(scale, pace, asked.twist, T_world_mrf, stopped=stopped)
+    def _advanced(self, tick: ArmTick, stopped: bool) -> TaskMemory:
+        """Return the task's next memory, by what of its motion and its path's was granted."""
+        T_world_mrf, task, pace = tick.T_world_mrf, tick.task, tick.scale * tick.pace
+        granted = Granted.of(tick.granted, pace, tick.twist, T_world_mrf, stopped=stopped)
         off_path = advance_offset(
-            task.off_path, asked.found.give_way, granted.share * self.p.period_s
+            task.off_path, tick.found.give_way, granted.share * self.p.period_s
         )
         return self.task.advanced(task, granted, off_path)
 
-    def _at_goal(self, memory: ArmMemory, inputs: Inputs, q: Array) -> bool:
+    def _at_goal(self, tick: ArmTick) -> bool:
+        inputs = tick.seen.inputs
         if inputs.intent is not Intent.MOVE:
             return False
         if inputs.posture is not None:
-            return at_posture(q, inputs.posture)
-        if (arrived := self.body.arrived(memory.insertion, inputs.drive)) is not None:
+            return at_posture(tick.q, inputs.posture)
+        if (arrived := self.body.arrived(tick.found.insertion, inputs.drive)) is not None:
             return arrived
-        return memory.task.position.at_goal and on_path(memory.task.off_path)
+        return tick.task.position.at_goal and on_path(tick.task.off_path)
 
     # --- what others ask of an arm ----------------------------------------------------------
 

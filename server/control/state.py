@@ -1,18 +1,17 @@
-"""Memory and outputs of a tick. Immutable by agreement: a tick builds new ones."""
+"""What one tick hands to the next. Immutable by agreement: a tick builds a new one."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from .actuation.torque import TorqueState
-from .barriers.clearance import Gap, Levels, Shown
-from .bodies.rates import ArmMeasurement, ArmTick, Insertion, Resistance
-from .grasps import GraspState, GraspStatus
+from .barriers.clearance import Levels
+from .bodies.rates import Insertion, Resistance
+from .grasps import GraspState
 from .hold import RetreatState, Station
 from .inputs import ObjectiveGains
 from .mechanism.redundancy import LinkState, Near
 from .mechanism.self_motion import IDLE, HandState
 from .mechanism.wrench import WristMemory
-from .spatial import Array, Motion, Pose
 from .stop.limiter import Commanded
 from .task.task import TaskMemory
 
@@ -59,70 +58,3 @@ class Memory(NamedTuple):
     arms: tuple[ArmMemory, ...]
     levels: Levels
     """Best gap so far of pairs of links and obstacles that are below their bounds."""
-
-
-class Output(NamedTuple):
-    """Decisions of one tick, and their reasons."""
-
-    motion: Motion
-    """Command of the joints (n,)."""
-    command: Array
-    """Setpoints of the drives (n,): rad, rad/s or N·m."""
-    refusal: str | None
-    """Why the gate refused the command; the drives must quick-stop then."""
-    at_rest: bool
-    desired: ArmTick
-    """What was measured, asked of the joints and left by barriers; of a joint task, at its shared
-    MRF."""
-    task: TaskMemory
-    """The gains in effect, and how far the goal is under way."""
-    objectives: ObjectiveGains
-    """The redundancy objectives' gains in effect."""
-    T_world_mrf_measured: Pose
-    scale: float
-    """Share of the asked tool motion that was granted, 0 to 1."""
-    limits: tuple[str, ...]
-    """Names of what limited this tick."""
-    at_goal: bool
-    """True when a position or posture goal is reached."""
-    bleeding: bool = False
-    T_world_path: Pose | None = None
-    """Where the path has the MRF now, if there is one."""
-    shown: Shown | None = None
-    """The pairs of links and obstacles that are near; None where clearances are not kept."""
-    stop_worsened: bool = False
-    """News made the stored stop fall short of a clearance; the least bad one was taken."""
-    held: GraspStatus | None = None
-    """The payload that it holds with others; None for an arm with a task alone."""
-    shared: "Output | None" = None
-    """The same of a joint task, at its shared MRF; told by its first arm only."""
-
-    @property
-    def seen(self) -> ArmMeasurement:
-        """What the tick began with."""
-        return self.desired.seen
-
-    @property
-    def q(self) -> Array:
-        """Joint command (n,) [rad]."""
-        return self.motion.q
-
-    @property
-    def dq(self) -> Array:
-        """Commanded joint rates (n,) [rad/s]."""
-        return self.motion.dq
-
-    @property
-    def T_wrist_mrf(self) -> Pose:
-        """The MRF that all this is about."""
-        return self.seen.inputs.settings.T_wrist_mrf
-
-    @property
-    def T_world_mrf(self) -> Pose:
-        """Where the command had the MRF."""
-        return self.seen.kinematics.T_world_mrf
-
-    @property
-    def gaps(self) -> tuple[Gap, ...]:
-        """The nearest pairs of links and obstacles, nearest first: told when somebody looks."""
-        return () if self.shown is None else self.shown.gaps()

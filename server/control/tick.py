@@ -29,7 +29,7 @@ from .joint_task.joint_task import ActiveTask, JointTasks, finish, members_of
 from .joints import Joints, joined, parts_of
 from .scene import Body
 from .spatial import Array
-from .state import Memory, Output
+from .state import Memory
 from .stop.limiter import Commanded, Gate, Limited, Limiter, StopConstraint
 from .stop.profile import Stop
 from .torso import Torso
@@ -91,7 +91,7 @@ class Control:
         """Where each arm's joints are among all."""
         return self.allow.parts
 
-    def tick(self, memory: Memory, inputs: Sequence[Inputs]) -> tuple[Memory, tuple[Output, ...]]:
+    def tick(self, memory: Memory, inputs: Sequence[Inputs]) -> tuple[Memory, tuple[ArmTick, ...]]:
         """Return the next memory and what to send, of each arm: one period of control.
 
         Time, intent, scene and the factor of reduced speed are the same for all arms. A refusal of
@@ -127,15 +127,14 @@ class Control:
         bodies = self._of_bodies(asked)
         limited = self._limit(commanded, inputs, asked, watch, on, bodies)
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
-        nexts, outputs = [], []
+        nexts = []
         for arm, last, tick, part in zip(self.arms, memory.arms, asked, self.parts, strict=True):
-            after, output = arm.finish(last, tick, shown, limited, part)
-            nexts.append(after)
-            outputs.append(output if refusal is None else output._replace(refusal=refusal))
+            nexts.append(arm.finish(last, tick, shown, limited, part))
+            tick.refusal = tick.refusal if refusal is None else refusal
         if on:
-            finish(on, told, [tick.pace for tick in asked], nexts, outputs)
+            finish(on, told, nexts, asked)
         levels = {} if watch is None else watch.levels
-        return Memory(commanded.followed_by(limited), tuple(nexts), levels), tuple(outputs)
+        return Memory(commanded.followed_by(limited), tuple(nexts), levels), tuple(asked)
 
     def _placed(self, inputs: Sequence[Inputs], each: Sequence[Commanded]) -> Sequence[Inputs]:
         """Return the inputs with all sight lines in World, by where arms are commanded to be."""

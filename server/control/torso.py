@@ -130,12 +130,12 @@ class Torso:
             twists = {i: tick.asked for i, tick in asked.items()}
             if own.by_joint or nonzero(own.twist):
                 # What the arms cannot answer: the torso goes no further than their tools allow.
-                answers = _answers(arms, asked, own.dq)
-                twists = {i: _left(twists[i], answers[i], own.dq) for i in asked}
+                answers = _answers(arms, asked, own.dq_asked)
+                twists = {i: _left(twists[i], answers[i], own.dq_asked) for i in asked}
             else:
                 own.held = LED_BY_ARMS
-            own.dq = own.dq + self._shared(seen, asked, twists)
-        return {c: own, **_answers(arms, asked, own.dq)}
+            own.dq_asked = own.dq_asked + self._shared(seen, asked, twists)
+        return {c: own, **_answers(arms, asked, own.dq_asked)}
 
     def _shared(
         self, seen: ArmMeasurement, asked: Mapping[int, ArmTick], twists: Mapping[int, Array]

@@ -9,13 +9,14 @@ import numpy as np
 
 from ...config.schema.mechanism import TouchSection
 from ..control.arm import Arm
+from ..control.bodies.rates import ArmTick
 from ..control.hold import LOOKBACK_S, released, tool_released
 from ..control.inputs import Pushed
 from ..control.mechanism.model import Dynamics, Mechanism
 from ..control.parameters import Parameters
 from ..control.scene import Moved
 from ..control.spatial import GRAVITY, Array, exceeds, product, sizes
-from ..control.state import ArmMemory, Output
+from ..control.state import ArmMemory
 from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
@@ -167,7 +168,7 @@ class ContactRelease:
         wrench: Array | None,
         mode: Mode,
         memory: ArmMemory | None,
-        output: Output | None,
+        output: ArmTick | None,
     ) -> None:
         """Take in whether contact was `found` in this tick, and the estimate behind it.
 
@@ -315,7 +316,7 @@ class CollisionMonitor:
         self,
         reading: UnitReading,
         memory: ArmMemory | None,
-        output: Output | None,
+        output: ArmTick | None,
         wrench: Array | None,
         moved: Moved,
         mode: Mode,

@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..commands.commands import Commands
+from ..control.bodies.rates import ArmTick
 from ..control.mechanism.wrench import LOAD_TIME_S
 from ..control.spatial import GRAVITY, NO_TWIST, Array, Pose, dot, product, sizes
-from ..control.state import Output
 from ..control.task.task import FRAMES
 from ..events import Events
 from ..mode import Mode
@@ -80,7 +80,7 @@ class ToolContact:
         self._told.clear()
 
     def update(
-        self, known_n: float, wrench: Array, weight_n: float, output: Output, moving: bool
+        self, known_n: float, wrench: Array, weight_n: float, output: ArmTick, moving: bool
     ) -> None:
         """Compare a wrench (6,), World axes, with a load [N], of which `weight_n` is told."""
         if known_n != self.known_n:
@@ -117,7 +117,7 @@ class ToolContact:
             self._load = _Load(force, R)
         return max(size, change_n)
 
-    def _place(self, output: Output) -> None:
+    def _place(self, output: ArmTick) -> None:
         """Take in where the tool is, and was told to be."""
         self._measured.append(output.T_world_mrf_measured.p)
         self._told.append(output.T_world_mrf.p)
@@ -168,7 +168,7 @@ class PressedTool(ToolContact):
         self.watching, self._met_s = False, None
         self._stays.clear()
 
-    def follow(self, output: Output | None, by_joint: bool, mode: Mode) -> None:
+    def follow(self, output: ArmTick | None, by_joint: bool, mode: Mode) -> None:
         """Take in the tick before; `by_joint` says that the joints are commanded themselves."""
         moving = mode is Mode.ENABLED
         lost = output is None or output.seen.wrench is None
@@ -196,7 +196,7 @@ class PressedTool(ToolContact):
         elif self._lasting >= LASTS or sum(self._stays) > self._most_of:
             self._met_s = 0.0
         # Force control relieves the contact meanwhile, as quickly as a stop would be, and further.
-        relieving = beyond and bool(output.desired.twists["force"].any())
+        relieving = beyond and bool(output.twists["force"].any())
         self.found = self._met_s is not None and not (relieving and self._met_s < RELIEVED_S)
         self.touched = moving and self.found
 
@@ -297,7 +297,7 @@ class ContactStability:
         self._forces.clear()
         self._places.clear()
 
-    def update(self, output: Output | None, mode: Mode) -> float:
+    def update(self, output: ArmTick | None, mode: Mode) -> float:
         """Take in the tick before; return the share of the task's sum that is to act now [1]."""
         settings = self._commands.settings
         if self._idle or output is None:
@@ -352,7 +352,7 @@ class ContactStability:
         sizes = np.sqrt((newest**2).sum(axis=1))
         return int(((sizes > low + edge) & (sizes < high - edge)).sum()) <= self._longest
 
-    def _judge(self, output: Output) -> None:
+    def _judge(self, output: ArmTick) -> None:
         """Estimate the stiffness of what is touched, and lower the loop's gain if that rings.
 
         Where it is far beyond the bound, a hard touch and the swing off are enough, else it takes
@@ -394,14 +394,14 @@ class ContactStability:
         way = float(np.abs(np.diff(x))[touching].sum())
         return float(np.abs(np.diff(f))[touching].sum()) / max(way, 1e-9), normal
 
-    def _aim(self, output: Output) -> float:
+    def _aim(self, output: ArmTick) -> float:
         """Return the share to act now: all of it away from the contact, once nothing is touched.
 
         The normal is known as well as the touch was straight: what leads along leads nowhere away.
         """
         if self._free_s < FREE_S:
             return self.share
-        twists = output.desired.twists
+        twists = output.twists
         others = sum((t[:3] for name, t in twists.items() if name != "force"), np.zeros(3))
         away = -float(others @ self._normal)
         return 1.0 if away > AWAY * math.sqrt(float(others @ others)) else self.share
@@ -486,7 +486,7 @@ class JamMonitor:
         """True while an edge, or anything a payload meets, holds the motion up."""
         self._held = False
 
-    def update(self, output: Output | None) -> None:
+    def update(self, output: ArmTick | None) -> None:
         """Take in a tick; None: nothing is known. Without a reading no force is."""
         self._ticks += 1
         if self._ticks % self._every:
@@ -495,7 +495,7 @@ class JamMonitor:
             self._forget()
             return
         asked = np.zeros(6)
-        for name, twist in output.desired.twists.items():
+        for name, twist in output.twists.items():
             if name not in WRENCH_SOURCES and name != FRAMES:
                 asked += twist
         if _size(asked[:3]) < SLOWEST:

@@ -6,9 +6,10 @@ from ...config.load import Cell
 from ...protocols.messages.perception import ContourNews
 from ..commands.commands import Commands
 from ..control.arm import Arm
+from ..control.bodies.rates import ArmTick
 from ..control.inputs import Payload
 from ..control.spatial import Pose, rotate_twist
-from ..control.state import ArmMemory, Output
+from ..control.state import ArmMemory
 from ..events import Events
 from ..mode import Mode
 from ..plant import UnitReading
@@ -60,7 +61,7 @@ class Perception:
         self,
         reading: UnitReading,
         memory: ArmMemory | None,
-        output: Output | None,
+        output: ArmTick | None,
         mode: Mode,
         now_s: float,
     ) -> None:
@@ -75,7 +76,7 @@ class Perception:
             if output is not None:
                 self._T_world_mrf = output.T_world_mrf_measured
             self.sensor.update(reading, output, settings.payload, settings.wrench_bias)
-            if output is None or output.held is None:
+            if output is None or output.holding is None:
                 self.load.update(output, wrench, mode, now_s, self.collisions.carried)
                 settings.contact_share = self.ringing.update(output, mode)
                 settings.untold = self.hand.update(output, wrench, mode, self.load.trust)
@@ -108,7 +109,7 @@ class Perception:
         changed = self._arm.weight(at, told) - self._arm.weight(at, replace(told, payload=payload))
         return reads_weight(unloaded + changed - told.wrench_bias, payload)
 
-    def remember(self, tick: int, output: Output) -> None:
+    def remember(self, tick: int, output: ArmTick) -> None:
         """Store the pose of the arm in a tick, for pictures that were exposed in it."""
         frames = self._commands.frames
         T_world_wrist = output.T_world_mrf_measured @ output.T_wrist_mrf.inverse()

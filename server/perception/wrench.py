@@ -13,10 +13,10 @@ from ...config.schema.mechanism import ForceTorqueSection
 from ...config.schema.sources import FollowingSection
 from ...drivers.device import Cause
 from ..commands.settings import OperatorSettings
+from ..control.bodies.rates import ArmTick
 from ..control.inputs import STILL as STILL_DRIVE
 from ..control.inputs import Payload
 from ..control.spatial import GRAVITY, Array, Pose, cross, nonzero, rotation_log, sizes
-from ..control.state import Output
 from ..control.task.following import STAYS_S
 from ..control.task.task import GAIN_TIME_S
 from ..events import Events, Value
@@ -112,10 +112,10 @@ class ForceTorqueMonitor:
         """Where the joints were (n,), and what each source asked for."""
 
     def update(
-        self, reading: UnitReading, output: Output | None, payload: Payload | None, bias: Array
+        self, reading: UnitReading, output: ArmTick | None, payload: Payload | None, bias: Array
     ) -> None:
         """Take in a reading, the tick before, and the payload and bias (6,) that are told now."""
-        self._stood.append((reading.q, {} if output is None else output.desired.twists))
+        self._stood.append((reading.q, {} if output is None else output.twists))
         trouble, stale = reading.wrench_trouble, None
         if reading.wrench is None:
             saturated = trouble is not None and trouble.cause is Cause.SATURATED
@@ -245,7 +245,7 @@ class AveragedWrench:
         """Return the mean wrench (6,) of the last few ticks."""
         return self._mean(min(self.count, NEWEST))
 
-    def mark(self, output: Output) -> WrenchMark:
+    def mark(self, output: ArmTick) -> WrenchMark:
         """Return where the tool is, and what is measured now."""
         mean = self.now()
         size = np.array(sizes(mean))
@@ -399,7 +399,7 @@ class LoadMonitor:
 
     def update(
         self,
-        output: Output | None,
+        output: ArmTick | None,
         wrench: Array | None,
         mode: Mode,
         time_s: float,
@@ -445,7 +445,7 @@ class LoadMonitor:
         elif before_latched:
             self._contact.rest()
 
-    def _hear(self, output: Output, time_s: float) -> None:
+    def _hear(self, output: ArmTick, time_s: float) -> None:
         """Notice what operators said of the load since the tick before."""
         self._told, heard = self._settings.load_told, self._settings.load_heard
         self._lever = self._apart(output)
@@ -482,9 +482,9 @@ class LoadMonitor:
             self.trust = LoadTrust.SETTLING
             self._until_s = time_s + (0.0 if energised else SETTLE_S)
 
-    def _judge(self, output: Output, time_s: float) -> None:
+    def _judge(self, output: ArmTick, time_s: float) -> None:
         if self.trust is LoadTrust.SETTLING and (
-            time_s >= self._until_s or others_ask(output.desired.twists)
+            time_s >= self._until_s or others_ask(output.twists)
         ):
             if self._measured.quiet():
                 self._end(LoadTrust.EXPLAINED)
@@ -493,12 +493,12 @@ class LoadMonitor:
         elif self.trust is LoadTrust.JUDGED:
             self._probe(output, time_s)
 
-    def _start_probe(self, output: Output, time_s: float) -> None:
+    def _start_probe(self, output: ArmTick, time_s: float) -> None:
         self.trust, self._mark = LoadTrust.JUDGED, self._measured.mark(output)
         self._until_s = time_s + WAIT_S
         self._lever, self._falls = self._apart(output), False
 
-    def _probe(self, output: Output, time_s: float) -> None:
+    def _probe(self, output: ArmTick, time_s: float) -> None:
         mark, here = self._mark, self._measured.mark(output)
         if self._measured.quiet():
             self._end(LoadTrust.EXPLAINED)
@@ -511,21 +511,21 @@ class LoadMonitor:
                 else:
                     self._start_probe(output, time_s)
                     self._falls = True
-            elif others_ask(output.desired.twists):
+            elif others_ask(output.twists):
                 self._until_s = time_s + WAIT_S
             elif time_s > self._until_s:
                 self._doubt(output)
 
-    def _watch(self, output: Output, time_s: float) -> None:
+    def _watch(self, output: ArmTick, time_s: float) -> None:
         """Take what leads the tool through the air, and does not change, for the sensor's own."""
         if time_s < self._watched_s:
             return
         lapsed = time_s > self._watched_s + WATCHED_S
         self._watched_s = time_s + WATCHED_S
         mark, here = self._mark, self._measured.mark(output)
-        asked, inputs = output.desired, output.seen.inputs
-        led = asked.by_joint or inputs.wrench_desired.any() or inputs.drive != STILL_DRIVE
-        others = led or others_ask(asked.twists, FORCE)
+        inputs = output.seen.inputs
+        led = output.by_joint or inputs.wrench_desired.any() or inputs.drive != STILL_DRIVE
+        others = led or others_ask(output.twists, FORCE)
         grown = DRIFT * (time_s - self._since_s)
         if mark is None or lapsed or others or (mark.changed(here, grown) > UNCHANGED).any():
             self._mark, self._since_s = here, time_s
@@ -544,7 +544,7 @@ class LoadMonitor:
         words, values = unchanging(self._measured.mean(), float(UNCHANGED[0]))
         self._events.warning("force_unchanging", f"{words}, and led the tool: tared", **values)
 
-    def _apart(self, output: Output) -> float:
+    def _apart(self, output: ArmTick) -> float:
         place = self._settings.T_wrist_sensor
         return 0.0 if place is None else float(np.linalg.norm(output.T_wrist_mrf.p - place.p))
 
@@ -552,7 +552,7 @@ class LoadMonitor:
         self.trust, self._mark, self._until_s = trust, None, 0.0
         self._vouched = trust is LoadTrust.EXPLAINED
 
-    def _doubt(self, output: Output) -> None:
+    def _doubt(self, output: ArmTick) -> None:
         self._end(LoadTrust.UNEXPLAINED)
         self._known, self._lever = self._measured.sizes(), self._apart(output)
         self._say(self._read.unloaded)
@@ -571,7 +571,7 @@ class LoadMonitor:
         payload = self._settings.payload
         return 0.0 if payload is None else 9.81 * payload.mass
 
-    def _share(self, output: Output) -> float:
+    def _share(self, output: ArmTick) -> float:
         """Return the part of their gains that the sensor's sources act with: 0 while they wait."""
         trust = self.trust
         if trust is LoadTrust.SETTLING or trust in LATCHED:
@@ -582,7 +582,7 @@ class LoadMonitor:
         # Nothing acts before the arm is enabled, and nothing shall in the first tick.
         if self._mode is not Mode.ENABLED:
             return 0.0
-        if others_ask(output.desired.twists):
+        if others_ask(output.twists):
             return 1.0
         settings, (force, moment) = self._settings, self._measured.sizes()
         rate = np.zeros(2)
@@ -651,7 +651,7 @@ class UnchangingForce:
         self._said = np.zeros(6)
 
     def update(
-        self, output: Output | None, wrench: Array | None, mode: Mode, trust: LoadTrust
+        self, output: ArmTick | None, wrench: Array | None, mode: Mode, trust: LoadTrust
     ) -> Array | None:
         """Take in the tick before; return the wrench (6,) that is nobody's, in World axes.
 
@@ -687,7 +687,7 @@ class UnchangingForce:
         acts = np.array(sizes(learned)) > self._deadband
         self._nobodys = learned * np.repeat(acts, 3) if acts.any() else None
 
-    def _carry(self, output: Output) -> None:
+    def _carry(self, output: ArmTick) -> None:
         """Bring what was measured at another MRF, in the Wrist, to that of now."""
         before, now = self._T_wrist_mrf, output.T_wrist_mrf
         self._T_wrist_mrf = now

@@ -12,6 +12,7 @@ from ..commands.commands import Commands, SelfMotionCommands
 from ..commands.settings import CellSettings
 from ..control.arm import Arm
 from ..control.backbone.fit import Chain
+from ..control.bodies.rates import ArmTick
 from ..control.compiled import evolve
 from ..control.forest import standing_on
 from ..control.grasps import GraspStatus
@@ -29,7 +30,7 @@ from ..control.mechanism.model import Mechanism
 from ..control.mechanism.resolution import bend
 from ..control.scene import Body, Moved
 from ..control.spatial import Array, Motion, Pose, jacobian_at, largest
-from ..control.state import ArmMemory, Output
+from ..control.state import ArmMemory
 from ..events import Events
 from ..mode import Mode
 from ..perception.ahead import Passage
@@ -258,8 +259,8 @@ class Unit:
         """None before the arm's joints were heard, and after its devices were configured anew."""
         self.q: Array | None = None
         """Where the joints (n,) were measured last [rad]."""
-        self.output: Output | None = None
-        """Output of the last tick; None before the first."""
+        self.output: ArmTick | None = None
+        """Results of the last tick; None before the first."""
 
     @property
     def commanded(self) -> Motion | None:
@@ -383,7 +384,7 @@ class Unit:
             ranks = self.arm.mechanism.held_ranks(held == 1.0, settings.T_wrist_mrf)
         return self.arm.body.spare(insertion, ranks)
 
-    def keep(self, tick: int, memory: ArmMemory, output: Output) -> None:
+    def keep(self, tick: int, memory: ArmMemory, output: ArmTick) -> None:
         """Take in what a tick decided."""
         commands, goals = self.commands, self.commands.goals
         self._tell_station(memory, output)
@@ -401,14 +402,14 @@ class Unit:
         if self.vision.watching:
             self.perception.remember(tick, output)
         # A payload's jam is told by its own task.
-        self.jam.update(output if output.held is None else None)
+        self.jam.update(output if output.holding is None else None)
         if output.at_goal and goals.posture is not None:
             goals.finish_posture()
             self.events.info("posture_reached")
-        elif goals.at_rest and largest(output.desired.twists["following"]) > LED:
+        elif goals.at_rest and largest(output.twists["following"]) > LED:
             goals.led_by_hand()
 
-    def _tell_station(self, memory: ArmMemory, output: Output) -> None:
+    def _tell_station(self, memory: ArmMemory, output: ArmTick) -> None:
         """Tell when an arm that stands makes way for something that comes, and is back."""
         before = None if self.memory is None else self.memory.station
         if before is None and memory.station is not None:
@@ -418,10 +419,10 @@ class Unit:
         elif before is not None and memory.station is None and output.at_rest:
             self.events.info("came_back")
 
-    def _tell_arm_angle(self, goal: SelfMotionRequest, tick: int, output: Output) -> None:
+    def _tell_arm_angle(self, goal: SelfMotionRequest, tick: int, output: ArmTick) -> None:
         """Tell when the elbow is where it was to go, and when it gets no nearer."""
         now_s, target = tick * self.cell.config.timing.period_s, goal.angle
-        found = self.commands.self_motion.look(output.desired.found.by_hand, now_s)
+        found = self.commands.self_motion.look(output.found.by_hand, now_s)
         if found is None or target is None:
             return
         if found:
@@ -439,7 +440,7 @@ class Unit:
         return {f"{self.cell.prefix}{name}": on for name, on in told.items()}
 
 
-def mrf_in_force(output: Output, commands: Commands) -> Pose:
+def mrf_in_force(output: ArmTick, commands: Commands) -> Pose:
     """Return where the command has the MRF in force, in World.
 
     The tick that made the output may have had another one.

@@ -22,13 +22,14 @@ from ...protocols.messages.perception import FrameNews, FrameRequest, StoreView
 from ..commands.commands import Commands
 from ..commands.settings import CellSettings
 from ..control.axes import holding
+from ..control.bodies.rates import ArmTick
 from ..control.compiled import evolve
 from ..control.grasps import GraspStatus
 from ..control.inputs import Inputs, Intent, ToldTunnel, ViewGoal
 from ..control.joint_task.joint_task import HoldRefused, JointTasks
 from ..control.scene import Mount
 from ..control.spatial import GRAVITY, Array, Motion, Pose
-from ..control.state import Memory, Output
+from ..control.state import Memory
 from ..control.stop.profile import ramps_in_proportion
 from ..control.tick import Control
 from ..events import Events
@@ -130,8 +131,8 @@ class JointUnit:
         self.commands.frames.lens = self._lens
         self.on = section.at_start
         """The arms hold the payload."""
-        self.output: Output | None = None
-        """Output of the task in the last tick; None while it is off."""
+        self.output: ArmTick | None = None
+        """Results of the task in the last tick; None while it is off."""
         self.in_proportion = section.quick_stop == "in_proportion"
         """A quick stop is told the ramps by which all joints come to rest together."""
         self._told = [0] * len(units)
@@ -156,7 +157,7 @@ class JointUnit:
     @property
     def grasps(self) -> dict[str, GraspStatus]:
         """What is told of each arm's grasp, by the mechanisms; none while the task is off."""
-        found = {u.mechanism: u.output.held for u in self.units if u.output is not None}
+        found = {u.mechanism: u.output.holding for u in self.units if u.output is not None}
         return {name: held for name, held in found.items() if held is not None}
 
     def share_out(self, weights: tuple[tuple[float, ...], ...]) -> None:
@@ -233,7 +234,7 @@ class JointUnit:
         if not self.on or self.output is None:
             return None
         for unit in self.units:
-            held = None if unit.output is None else unit.output.held
+            held = None if unit.output is None else unit.output.holding
             if held is not None and held.strained is not None:
                 return f"{held.strained.replace('_', ' ')} of {self.task}"
             if held is not None and held.slipped:
@@ -298,16 +299,16 @@ class JointUnit:
         """
         return ramps_together(self.units, bounded_spread(self.units))
 
-    def keep(self, output: Output | None) -> None:
+    def keep(self, output: ArmTick | None) -> None:
         """Take in what a tick decided of the task; None while it is off."""
         self.output = output
         self.jam.update(output)
         if output is None:
             return
-        if output.held is not None:
-            self._tell_load(output.held)
+        if output.holding is not None:
+            self._tell_load(output.holding)
         for i, unit in enumerate(self.units):
-            held = None if unit.output is None else unit.output.held
+            held = None if unit.output is None else unit.output.holding
             if held is not None and held.redefined > self._told[i]:
                 self.events.info(
                     "grasp_redefined",
@@ -572,7 +573,7 @@ class Units:
         for unit, q, base in measured:
             unit.perception.sight_lines.update(scene, self.each.index(unit), q, base)
 
-    def keep(self, tick: int, memory: Memory, outputs: Sequence[Output]) -> None:
+    def keep(self, tick: int, memory: Memory, outputs: Sequence[ArmTick]) -> None:
         """Take in what a tick decided."""
         self.memory = memory
         for unit, own, output in zip(self.each, memory.arms, outputs, strict=True):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from telerobot.config.load import Cell, altered, load_cell, shipped
 from telerobot.server.control.arm import Arm as ArmControl
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import Inputs, Intent, Settings, StickCommand
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.parameters import Parameters
 from telerobot.server.control.spatial import Array, Pose
-from telerobot.server.control.state import Output
 from telerobot.server.control.tick import Control
 
 SOURCES = ("joystick", "position", "vision", "force")
@@ -46,14 +46,14 @@ class Run:
 
     arm: Arm
     q: Array
-    outputs: list[Output] = field(default_factory=list)
+    outputs: list[ArmTick] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.settings = self.arm.settings
         self.memory = self.arm.control.seed(self.q)
         self.sent = [self.q] * 3
 
-    def tick(self, **inputs: object) -> Output:
+    def tick(self, **inputs: object) -> ArmTick:
         """Do one period; the joints are where they were told to be, unless said otherwise."""
         given = {
             "time_s": len(self.outputs) * self.arm.p.period_s,
@@ -67,7 +67,7 @@ class Run:
         self.sent.append(output.q)
         return output
 
-    def go(self, seconds: float, **inputs: object) -> Output:
+    def go(self, seconds: float, **inputs: object) -> ArmTick:
         """Do periods for a while with the same inputs; return the last output."""
         for _ in range(round(seconds / self.arm.p.period_s)):
             output = self.tick(**inputs)

@@ -89,9 +89,9 @@ def _row(cell: Cell, tick: Replayed) -> dict[str, Array]:
         row[f"state.{of}wrench_mrf"] = six if output.seen.wrench is None else output.seen.wrench
         sensor = inputs.wrench_sensor
         row[f"state.{of}wrench_sensor"] = six if sensor is None else sensor
-        row[f"action.{of}twist"] = output.desired.twist
-        row[f"action.{of}granted"] = np.float64(output.scale)
-        for source, twist in output.desired.twists.items():
+        row[f"action.{of}twist"] = output.twist
+        row[f"action.{of}granted"] = np.float64(output.granted)
+        for source, twist in output.twists.items():
             row[f"action.{of}sources.{source}"] = twist
     return {name: np.asarray(value) for name, value in row.items()}
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from ...config.errors import printable
 from ...config.load import Cell
+from ...server.control.bodies.rates import ArmTick
 from ...server.control.inputs import STILL, Inputs
 from ...server.control.spatial import Array
-from ...server.control.state import Memory, Output
+from ...server.control.state import Memory
 from ...server.control.tick import Control
 from ...server.recorder import (
     MEMORY,
@@ -40,7 +41,7 @@ class Replayed(NamedTuple):
     record: ReadTick
     before: Memory
     after: Memory | None
-    outputs: tuple[Output, ...]
+    outputs: tuple[ArmTick, ...]
     raised: str | None  # error that the tick raised, in one line
     difference: str | None  # first output that differs from the record; None where none does
     stamp_ns: int = 0  # time of day of the recording [ns]
@@ -133,7 +134,7 @@ class Replay:
         )
 
 
-def _of_outputs(record: ReadTick, outputs: tuple[Output, ...]) -> str | None:
+def _of_outputs(record: ReadTick, outputs: tuple[ArmTick, ...]) -> str | None:
     """Return the first difference between recorded outputs and those of now."""
     if not record.told:
         return "it raised when it was recorded, and does not here"
@@ -208,7 +209,7 @@ def _arm(
     joints: Sequence[str],
     inputs: Inputs,
     dq_before: Array,
-    output: Output | None,
+    output: ArmTick | None,
     after: Memory | None,
 ) -> Iterator[str]:
     yield _line("intent", inputs.intent.name.lower())
@@ -223,25 +224,25 @@ def _arm(
     if output.seen.wrench is not None:
         yield _line("wrench at the MRF", _numbers(output.seen.wrench))
     yield "1 sources, 2 sum"
-    for name, twist in output.desired.twists.items():
+    for name, twist in output.twists.items():
         if float(np.abs(twist).max()) > SMALL:
             gain = output.task.gains.get(name)
             told = "" if gain is None else f", gain {_numbers(gain)}"
             yield _line(f"  {name}", _numbers(twist) + told)
-    yield _line("  sum", _numbers(output.desired.twist))
+    yield _line("  sum", _numbers(output.twist))
     if output.task.position.progress is not None:
         path = output.task.position.progress
         yield _line(
             "  path", f"leg {path.leg + 1} of {path.legs}, {path.part:.1%}, pace {path.pace:.3f}"
         )
     yield "3 resolve"
-    yield _line("  least singular value", f"{output.desired.found.sigma_min:.4g}")
-    motion = output.desired.found.self_motion
+    yield _line("  least singular value", f"{output.found.sigma_min:.4g}")
+    motion = output.found.self_motion
     if float(np.abs(motion.dq).max()) > SMALL:
         of = ", ".join(f"{name} {norm:.3g}" for name, norm in motion.norms.items() if norm > SMALL)
         yield _line("  self-motion", f"{_numbers(motion.dq)} ({of})")
     yield "4 allow"
-    yield _line("  granted", f"{output.scale:.4f} of the motion asked for")
+    yield _line("  granted", f"{output.granted:.4f} of the motion asked for")
     yield _line("  limited by", ", ".join(output.limits) or "nothing")
     for gap in output.gaps[:5]:
         acts = ", its barrier acts" if gap.active else ""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..bodies.rates import ArmTick
 from ..joints import Joints, joined, parts_of
+from ..proximity.pairs import Shown
 from ..scene import Index
 from ..spatial import Array, Motion
 from .clearance import (
@@ -13,7 +14,6 @@ from .clearance import (
     CollisionConstraint,
     Levels,
     ProximityQuery,
-    Shown,
 )
 from .programme import ATTITUDE, WIDEN, WIDEN_BESIDE, nearest
 from .rows import JointLimits, Room, Rows, Within
@@ -146,7 +146,7 @@ class ConstraintSet:
         """Return the rates of one mechanism inside its speed bounds, and its leash if needed."""
         room, q = self.rooms[i], arm.seen.commanded.motion.q
         V = arm.seen.inputs.pace * self._velocities[i]
-        rates = room.within(arm.dq, V, q, arm.seen.error)
+        rates = room.within(arm.dq_asked, V, q, arm.seen.error)
         if rates.share < 1.0:
             arm.limits += ("joint_speed",)
         standing = arm.found.n_locked

@@ -11,7 +11,6 @@ from ..bodies.rates import ArmTick
 from ..compiled import (
     COUNT,
     COUNTS,
-    FLAG,
     FLAGS,
     INDEX,
     MATRIX,
@@ -23,7 +22,7 @@ from ..compiled import (
 )
 from ..joints import joined, parts_of
 from ..proximity.capsules import Capsules, Placed, carried, doubtful, surroundings, travel
-from ..proximity.pairs import NearPairs, PairSearch
+from ..proximity.pairs import NearPairs, PairSearch, Shown
 from ..scene import Body, Flags, Index, Scene
 from ..spatial import Array, Motion, Pose
 from .rows import Braking, Rows, Walls
@@ -171,8 +170,6 @@ BESIDE = 0.03
 """Extra search radius around capsules [m]."""
 LATENCY = 3.0
 """Periods until the arm is where the command is now [1]."""
-SHOWN = 4
-"""Number of nearest pairs in telemetry [1]."""
 
 _LOOKS = np.arange(SAMPLES + 1.0)
 _STILL = np.zeros((0, 0))
@@ -186,17 +183,6 @@ Bases = tuple[Body, ...]
 
 Levels = dict[tuple[int, int, str], float]
 """Best gap so far of each pair that is inside its bound, by capsule, other capsule or −1, name."""
-
-
-class Gap(NamedTuple):
-    """One pair, as it is told to operators."""
-
-    link: str
-    other: str
-    gap: float
-    """Distance of the surfaces, of the commanded arm [m]."""
-    active: bool
-    """True while its barrier bends or slows the motion."""
 
 
 class NearGaps(NamedTuple):
@@ -220,29 +206,6 @@ class NearGaps(NamedTuple):
     floor: Array
     """Minimum of each gap (k,) that is below its bound already [m]."""
     levels: Levels
-
-
-class Shown(NamedTuple):
-    """Nearest pairs of one tick, for telemetry: their names are looked up on request."""
-
-    sight: NearGaps
-    links: tuple[str, ...]
-    """Names of the capsules' links (c,)."""
-    active: Flags
-    """Whose barrier acts (k,)."""
-
-    def gaps(self, most: int = SHOWN, only_active: bool = False) -> tuple[Gap, ...]:
-        """Return the nearest pairs, the nearest first."""
-        (near, scene), found = (self.sight.near, self.sight.scene), []
-        for i in _nearest(near.gap, self.active, most, only_active).tolist():
-            obstacle = int(near.obstacle[i])
-            if scene is None or obstacle < 0:
-                other = self.links[int(near.second[i])]
-            else:
-                other = scene.names[obstacle]
-            link = self.links[int(near.first[i])]
-            found.append(Gap(link, other, float(near.gap[i]), bool(self.active[i])))
-        return tuple(found)
 
 
 class Clearance:
@@ -415,24 +378,6 @@ def _poses(bases: Bases) -> list[Pose] | None:
     return [base.T for base in bases] if bases else None
 
 
-@compiled(VECTOR, FLAGS, COUNT, FLAG)
-def _nearest(gap: Array, active: Flags, most: int, only_active: bool) -> Index:
-    """Return the nearest of pairs (k,), nearest first; of equal ones the first comes first."""
-    found, count = np.empty(most, dtype=np.int64), 0
-    for i in range(len(gap)):
-        if only_active and not active[i]:
-            continue
-        place = min(count, most)
-        while place > 0 and gap[found[place - 1]] > gap[i]:
-            if place < most:
-                found[place] = found[place - 1]
-            place -= 1
-        if place < most:
-            found[place] = i
-            count = min(count + 1, most)
-    return found[:count].copy()
-
-
 # --- Collision barriers of one tick: links against obstacles and each other, and the workspace ----
 #
 # One look serves both the barriers of the tick and the judgement of the stops that it
@@ -571,7 +516,8 @@ class CollisionConstraint:
 
     def shown(self, watch: ProximityQuery, active: Flags) -> Shown:
         """Return the pairs for telemetry; `active` flags the barriers that act."""
-        return Shown(watch.sight, self.capsules.links, active[: watch.sight.near.size])
+        near, scene = watch.sight.near, watch.sight.scene
+        return Shown(near, scene, self.capsules.links, active[: near.size])
 
     def violation(
         self, watch: ProximityQuery, duration_s: float, low: Array, high: Array, postures: Postures

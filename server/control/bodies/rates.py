@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..axes import HeldAxes
-from ..grasps import GraspState
+from ..grasps import GraspState, GraspStatus
 from ..hold import STANDS, RetreatState, Stance
 from ..inputs import Inputs, Intent, ObjectiveGains
 from ..mechanism.redundancy import (
@@ -21,8 +21,9 @@ from ..mechanism.redundancy import (
 from ..mechanism.self_motion import IDLE, HandState
 from ..mechanism.wrench import WristMemory
 from ..proximity.capsules import Placed
+from ..proximity.pairs import Gap, Shown
 from ..scene import Index
-from ..spatial import NO_TWIST, Array, Kinematics, Pose, jacobian_at, product
+from ..spatial import NO_TWIST, Array, Kinematics, Motion, Pose, jacobian_at, product
 from ..stop.limiter import Commanded
 from ..task.task import TaskMemory
 
@@ -180,12 +181,10 @@ class Resistance(NamedTuple):
 
 @dataclass
 class ArmTick:
-    """What one tick finds out and decides of one arm, stage by stage, as far as the barriers.
-
-    What of it the next tick needs, `ArmMemory` takes over.
+    """What one tick finds out and decides of one arm, stage by stage; nobody changes it after.
 
     The one record of `control` that is filled in as the tick goes on: each stage writes what it
-    found, and nobody changes it after the barriers.
+    found. What of it the next tick needs, `ArmMemory` takes over.
     """
 
     seen: ArmMeasurement
@@ -212,7 +211,7 @@ class ArmTick:
     scale: float = 1.0
     """Share of that which bounds of the tool's speed leave, 0 to 1."""
     limits: tuple[str, ...] = ()
-    """Names of what took the rest, at each stage."""
+    """Names of what limited this tick, at each stage."""
     whole: Mapping[str, Array] = field(default_factory=dict)
     """Rates (n,) of objectives that are taken whole, by name."""
     by_joint: bool = False
@@ -221,7 +220,7 @@ class ArmTick:
     """How the arm meets what comes."""
     found: JointRates = field(init=False)
     """What the body resolved, before anything came beside it."""
-    dq: Array = field(init=False)
+    dq_asked: Array = field(init=False)
     """Joint rates (n,) that are asked for in all [rad/s]."""
     held: HeldAxes | None = None
     """Axes of the MRF that barriers are to hold; None: all, or none is led."""
@@ -233,7 +232,7 @@ class ArmTick:
     wrist: WristMemory = field(init=False)
     """Readings of the force/torque sensor."""
     task: TaskMemory = field(init=False)
-    """Memory of the sources."""
+    """Memory of the sources: the gains in effect, and how far the goal is under way."""
     gains: ObjectiveGains = field(init=False)
     """Gains of the redundancy objectives in effect, whichever of them act."""
     moving_since_s: float | None = None
@@ -253,6 +252,57 @@ class ArmTick:
     waits for one that the leash holds."""
     made_way: bool = False
     """The arm was to go out of the way of something that comes."""
+    shown: Shown | None = field(init=False, default=None)
+    """The pairs of links and obstacles that are near; None where clearances are not kept."""
+    motion: Motion = field(init=False)
+    """Command of the joints (n,)."""
+    stop_worsened: bool = field(init=False, default=False)
+    """News made the stored stop fall short of a clearance; the least bad one was taken."""
+    command: Array = field(init=False)
+    """Setpoints of the drives (n,): rad, rad/s or N·m."""
+    refusal: str | None = field(init=False, default=None)
+    """Why the gate refused the command; the drives must quick-stop then."""
+    at_rest: bool = field(init=False)
+    T_world_mrf_measured: Pose = field(init=False)
+    at_goal: bool = field(init=False)
+    """True when a position or posture goal is reached."""
+    bleeding: bool = field(init=False)
+    T_world_path: Pose | None = field(init=False)
+    """Where the path has the MRF now, if there is one."""
+    holding: GraspStatus | None = field(init=False, default=None)
+    """The payload that it holds with others; None for an arm with a task alone."""
+    shared: "ArmTick | None" = field(init=False, default=None)
+    """The same of a joint task, at its shared MRF; told by its first arm only."""
+
+    @property
+    def q(self) -> Array:
+        """Joint command (n,) [rad]."""
+        return self.motion.q
+
+    @property
+    def dq(self) -> Array:
+        """Commanded joint rates (n,) [rad/s]."""
+        return self.motion.dq
+
+    @property
+    def granted(self) -> float:
+        """Share of the asked tool motion that was granted, 0 to 1."""
+        return self.scale * self.share
+
+    @property
+    def T_wrist_mrf(self) -> Pose:
+        """The MRF that all this is about."""
+        return self.seen.inputs.settings.T_wrist_mrf
+
+    @property
+    def T_world_mrf(self) -> Pose:
+        """Where the command had the MRF."""
+        return self.seen.kinematics.T_world_mrf
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """The nearest pairs of links and obstacles, nearest first: told when somebody looks."""
+        return () if self.shown is None else self.shown.gaps()
 
     @property
     def may_move(self) -> bool:

@@ -21,7 +21,7 @@ from ..mechanism.self_motion import IDLE
 from ..mechanism.wrench import WristMemory
 from ..scene import Index
 from ..spatial import Array, Kinematics, Pose, rotate_twist
-from ..state import ArmMemory, Memory, Output
+from ..state import ArmMemory, Memory
 from ..stop.limiter import Commanded, Limiter
 from ..stop.profile import Stop
 from ..task.source import Granted
@@ -56,7 +56,7 @@ class Member(NamedTuple):
         """Return the same at a share of its speed, which a limit of that name left."""
         wanted = evolve(
             self.wanted,
-            dq=share * self.wanted.dq,
+            dq_asked=share * self.wanted.dq_asked,
             scale=share * self.wanted.scale,
             limits=(*self.wanted.limits, limit),
         )
@@ -334,7 +334,9 @@ class JointTask:
             by_hand = [m.wanted.found.by_hand.moves for m in members]
             if slowed.share < 1.0 and any(by_hand):
                 still = [
-                    self._wanted(i, tick, {"common": twist, "force": way}, share, by_hand=False).dq
+                    self._wanted(
+                        i, tick, {"common": twist, "force": way}, share, by_hand=False
+                    ).dq_asked
                     for i, (tick, _, way) in enumerate(tuned)
                 ]
                 members, slowed = self._self_motion_slowed(
@@ -354,46 +356,38 @@ class JointTask:
         together: CooperativeState,
         told: Inputs,
         memories: Sequence[ArmMemory],
-        outputs: Sequence[Output],
-        pace: float,
-    ) -> tuple[list[ArmMemory], list[Output]]:
-        """Return the members' memories and outputs with what is common to them.
+        ticks: Sequence[ArmTick],
+    ) -> ArmMemory:
+        """Write to its arms' ticks what is common to them; return the first one's memory with it.
 
-        A path may go on at a part `pace` (0 to 1) of its own speed.
+        `memories` are what the arms have found themselves.
         """
-        first = outputs[0]
+        first = ticks[0]
         granted = Granted.of(
-            first.scale, pace, together.twist, together.T_world_mrf,
+            first.granted, together.share * first.pace, together.twist, together.T_world_mrf,
             stopped="verified_stop" in first.limits,
         )  # fmt: skip
         shared = self._task.advanced(together.shared, granted)
-        held = memories[0].held
-        nexts = list(memories)
-        if held is not None:
-            nexts[0] = evolve(memories[0], held=evolve(held, shared=shared))
         strained: tuple[str, ...] = ()
         if together.strained is not None:
             strained = (f"{together.strained}:{self.name}",)
         if together.slipped:
             strained += (f"slipped:{self.name}",)
-        found = [
-            output._replace(held=member.holding, limits=(*output.limits, *strained))
-            for output, member in zip(outputs, together.members, strict=True)
-        ]
-        position, first = shared.position, found[0]
+        for tick, member in zip(ticks, together.members, strict=True):
+            tick.holding, tick.limits = member.holding, tick.limits + strained
         k = first.seen.kinematics._replace(T_world_mrf=together.T_world_mrf)
-        seen = first.seen._replace(inputs=told, kinematics=k, wrench=together.contact)
-        common = first._replace(
-            desired=evolve(first.desired, seen=seen),
+        first.shared = evolve(
+            first,
+            seen=first.seen._replace(inputs=told, kinematics=k, wrench=together.contact),
             task=shared,
-            T_world_mrf_measured=mean_of([output.T_world_mrf_measured for output in found]),
-            at_rest=all(output.at_rest for output in found),
-            at_goal=told.intent is Intent.MOVE and position.at_goal,
+            T_world_mrf_measured=mean_of([tick.T_world_mrf_measured for tick in ticks]),
+            at_rest=all(tick.at_rest for tick in ticks),
+            at_goal=told.intent is Intent.MOVE and shared.position.at_goal,
             bleeding=any(m.held is not None and m.held.force.bleeding for m in memories),
-            T_world_path=path_of_mrf(told, position.T_world_path),
+            T_world_path=path_of_mrf(told, shared.position.T_world_path),
         )
-        found[0] = first._replace(shared=common)
-        return nexts, found
+        memory, held = memories[0], memories[0].held
+        return memory if held is None else evolve(memory, held=evolve(held, shared=shared))
 
     # --- its steps ---------------------------------------------------------------------------
 
@@ -522,7 +516,7 @@ class JointTask:
                 m._replace(
                     wanted=evolve(
                         m.wanted,
-                        dq=dq + part * (m.wanted.dq - dq),
+                        dq_asked=dq + part * (m.wanted.dq_asked - dq),
                         limits=m.wanted.limits + limits,
                     )
                 )
@@ -544,7 +538,7 @@ class JointTask:
         seen = member.wanted.seen
         k, R = seen.kinematics, seen.kinematics.T_world_mrf.R
         return Moving(
-            seen.commanded.motion.q, member.wanted.dq, k.J,
+            seen.commanded.motion.q, member.wanted.dq_asked, k.J,
             R @ forces.p[i], rotate_twist(R, forces.desired[i]),
         )  # fmt: skip
 
@@ -758,19 +752,15 @@ def members_of(on: Sequence[ActiveTask]) -> dict[int, Member]:
 def finish(
     on: Sequence[ActiveTask],
     inputs: Sequence[Inputs],
-    paces: Sequence[float],
     memories: list[ArmMemory],
-    outputs: list[Output],
+    ticks: Sequence[ArmTick],
 ) -> None:
-    """Put what is common to the arms of each joint task into their memories and outputs."""
+    """Put what is common to the arms of each joint task into their memories and ticks."""
     for each in on:
         members = each.task.members
-        found = each.task.finish(
+        memories[members[0]] = each.task.finish(
             each.together,
             inputs[members[0]],
             [memories[i] for i in members],
-            [outputs[i] for i in members],
-            each.together.share * paces[members[0]],
+            [ticks[i] for i in members],
         )
-        for i, memory, output in zip(members, *found, strict=True):
-            memories[i], outputs[i] = memory, output

@@ -11,7 +11,9 @@ from ....config.schema.null_space import VirtualSphereSection
 from ..compiled import (
     ARRAY3,
     ARRAY4,
+    COUNT,
     COUNTS,
+    FLAG,
     FLAGS,
     FLAGS2,
     INDEX,
@@ -222,6 +224,65 @@ def _search(
                     first[found], second[found] = c, capsules + k
                     found += 1
     return found
+
+
+# --- The nearest pairs, as operators are told of them ---------------------------------------------
+
+SHOWN = 4
+"""Number of nearest pairs in telemetry [1]."""
+
+
+class Gap(NamedTuple):
+    """One pair, as it is told to operators."""
+
+    link: str
+    other: str
+    gap: float
+    """Distance of the surfaces, of the commanded arm [m]."""
+    active: bool
+    """True while its barrier bends or slows the motion."""
+
+
+class Shown(NamedTuple):
+    """Nearest pairs of one tick, for telemetry: their names are looked up on request."""
+
+    near: NearPairs
+    scene: Scene | None
+    links: tuple[str, ...]
+    """Names of the capsules' links (c,)."""
+    active: Flags
+    """Whose barrier acts (k,)."""
+
+    def gaps(self, most: int = SHOWN, only_active: bool = False) -> tuple[Gap, ...]:
+        """Return the nearest pairs, the nearest first."""
+        near, scene, found = self.near, self.scene, []
+        for i in _nearest(near.gap, self.active, most, only_active).tolist():
+            obstacle = int(near.obstacle[i])
+            if scene is None or obstacle < 0:
+                other = self.links[int(near.second[i])]
+            else:
+                other = scene.names[obstacle]
+            link = self.links[int(near.first[i])]
+            found.append(Gap(link, other, float(near.gap[i]), bool(self.active[i])))
+        return tuple(found)
+
+
+@compiled(VECTOR, FLAGS, COUNT, FLAG)
+def _nearest(gap: Array, active: Flags, most: int, only_active: bool) -> Index:
+    """Return the nearest of pairs (k,), nearest first; of equal ones the first comes first."""
+    found, count = np.empty(most, dtype=np.int64), 0
+    for i in range(len(gap)):
+        if only_active and not active[i]:
+            continue
+        place = min(count, most)
+        while place > 0 and gap[found[place - 1]] > gap[i]:
+            if place < most:
+                found[place] = found[place - 1]
+            place -= 1
+        if place < most:
+            found[place] = i
+            count = min(count + 1, most)
+    return found[:count].copy()
 
 
 # --- Control points on the arm: their distances from obstacles, and the slope of the least of them

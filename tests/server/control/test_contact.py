@@ -77,9 +77,9 @@ def test_a_desired_wrench_is_reached_at_the_mrf(run):
 def test_a_sensor_that_falls_silent_ends_the_force_sources_motion(run):
     wall = Wall(run, 20_000.0, -0.002)
     wall.press(0.05)
-    assert run.outputs[-1].desired.twists["force"].any()
+    assert run.outputs[-1].twists["force"].any()
     output = run.go(0.5, wrench_sensor=None)
-    assert not output.desired.twists["force"].any()
+    assert not output.twists["force"].any()
     assert output.seen.wrench is None
     assert np.abs(output.dq).max() < 0.02
     run.observe()
@@ -131,7 +131,7 @@ def test_a_payload_that_is_switched_never_jumps(run):
     reading = wall.reading()
     payload = run.arm.p.payload
     run.set(payload=Payload(payload.mass + 2.0, payload.com))
-    twists = [run.tick(wrench_sensor=reading).desired.twists["force"] for _ in range(200)]
+    twists = [run.tick(wrench_sensor=reading).twists["force"] for _ in range(200)]
     steps = np.abs(np.diff(twists, axis=0, prepend=np.zeros((1, 6)))).max(axis=0)
     assert (steps <= 0.1 * np.abs(twists).max(axis=0) + 1e-6).all()
     drift = run.settings.gains["force"][0] * 2.0 * 9.81
@@ -143,7 +143,7 @@ def test_a_tare_never_jumps(run):
     wall = Wall(run, 20_000.0, 10.0)
     wall.press(0.2)
     reading = wall.reading()
-    before = run.tick(wrench_sensor=reading).desired.twists["force"]
+    before = run.tick(wrench_sensor=reading).twists["force"]
     run.set(wrench_bias=np.array([10.0, 0, 0, 0, 0, 0]))
-    after = run.tick(wrench_sensor=reading).desired.twists["force"]
+    after = run.tick(wrench_sensor=reading).twists["force"]
     assert np.abs(after - before)[:3].max() < 0.1 * run.settings.gains["force"][0] * 10.0

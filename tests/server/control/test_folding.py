@@ -37,8 +37,8 @@ def test_source_and_objective_together_lead_the_joints_straight_to_the_posture(
     ways = (np.array(run.sent) - run.q) / AWAY
     assert np.ptp(ways, axis=1).max() < 5e-3  # in proportion
     shown = run.outputs[50]
-    np.testing.assert_allclose(shown.desired.twists["reflex"], shown.desired.twist, atol=1e-12)
-    assert np.linalg.norm(shown.desired.twist[:3]) <= 0.3 + 1e-9
+    np.testing.assert_allclose(shown.twists["reflex"], shown.twist, atol=1e-12)
+    assert np.linalg.norm(shown.twist[:3]) <= 0.3 + 1e-9
     run.observe()
 
 
@@ -64,8 +64,8 @@ def test_a_stick_adds_to_folding(folding: Callable[..., Run], stick: Callable[..
     """dq = z + J⁺ẋ of the others: what the tool does is the sum of both."""
     run = folding(0.5, 1.0, 1.0, stick=stick(0.0, 0.0, 0.05, 0.0, 0.0, 0.0))
     output = run.outputs[-1]
-    total = output.desired.twists["reflex"] + output.desired.twists["joystick"]
-    np.testing.assert_allclose(output.desired.twist, total, atol=1e-12)
+    total = output.twists["reflex"] + output.twists["joystick"]
+    np.testing.assert_allclose(output.twist, total, atol=1e-12)
     J = run.arm.mechanism.kinematics(run.sent[-2], run.settings.T_wrist_mrf).J
     np.testing.assert_allclose(J @ output.dq, total, atol=5e-3)
     run.observe()

@@ -67,6 +67,6 @@ def test_what_is_near_is_told():
     alphas = np.array([o.seen.near.alpha for o in outputs])
     assert alphas[0] < 0.01 < 0.3 < alphas.max()
     assert np.diff(alphas).max() < 0.02
-    assert max(o.desired.found.self_motion.norms["spheres"] for o in outputs) > 0.05
-    none = [o.desired.found.self_motion.norms for o in led_past_the_pole(0).outputs]
+    assert max(o.found.self_motion.norms["spheres"] for o in outputs) > 0.05
+    none = [o.found.self_motion.norms for o in led_past_the_pole(0).outputs]
     assert not any(norms["spheres"] for norms in none)

@@ -69,7 +69,7 @@ def test_the_tool_passes_the_wrists_singularity(ur5e, start, stick):
     turn = J[3:, 4] / np.linalg.norm(J[3:, 4])
     run.go(2.0, stick=stick(0, 0, 0, *(-0.4 * turn)))
     assert run.outputs[-1].q[4] < -0.2
-    smallest = min(o.desired.found.sigma_min for o in run.outputs)
+    smallest = min(o.found.sigma_min for o in run.outputs)
     assert smallest < ur5e.p.resolve.floor
     run.observe()
 

@@ -136,7 +136,7 @@ def test_at_rest_a_new_mrf_moves_nothing_with_every_source_on(arm, start, stick,
             mrf = arm.settings.T_wrist_mrf @ other
             run.set(redefined=redefined, T_wrist_mrf=mrf, T_world_crf=other)
         run.tick(**given)
-        assert np.abs(run.outputs[-1].desired.twists["frames"]).max() < 1e-9
+        assert np.abs(run.outputs[-1].twists["frames"]).max() < 1e-9
     after = arm.mechanism.pose_wrist(run.memory.commanded.motion.q)
     assert max(sizes(pose_error(before, after))) < 1e-6
 
@@ -190,16 +190,16 @@ def test_accommodation_about_a_new_point_begins_without_a_jump_and_a_balanced_lo
     pressed = weight + np.array([20.0, -12.0, 8.0, 0.4, 0.2, -0.3])
     for _ in range(50):
         output = run.tick(wrench_sensor=pressed)
-    before = output.desired.twist
+    before = output.twist
     lever = run.pose.R @ SHIFTED.p
     run.set(T_wrist_mrf=run.settings.T_wrist_mrf @ SHIFTED, redefined=1)
     output = run.tick(wrench_sensor=pressed)
     expected = before.copy()
     expected[:3] += np.cross(before[3:], lever)
-    np.testing.assert_allclose(output.desired.twist, expected, atol=2e-3)
+    np.testing.assert_allclose(output.twist, expected, atol=2e-3)
     # A load that is wanted as it is asks for nothing, at whatever point it is told.
     balanced = run.tick(wrench_sensor=pressed, wrench_desired=output.seen.wrench)
-    np.testing.assert_allclose(balanced.desired.twists["force"], 0.0, atol=1e-3)
+    np.testing.assert_allclose(balanced.twists["force"], 0.0, atol=1e-3)
     run.observe()
 
 
@@ -214,8 +214,8 @@ def test_grounds_that_change_to_and_fro_wind_nothing_up(arm, start, stick):
         ground = "carrier" if tick // 3 % 2 else "world"
         run.set(redefined=tick // 3)
         output = run.tick(moved=moved, ground=ground)
-        assert sizes(output.desired.twists["frames"]) <= (0.6, 1.8)
+        assert sizes(output.twists["frames"]) <= (0.6, 1.8)
     for _ in range(60):
         output = run.tick(moved=Moved(base, Body.standing(carrier.T), base.T), ground="world")
-    assert not output.desired.twists["frames"].any()
+    assert not output.twists["frames"].any()
     run.observe()

@@ -100,7 +100,7 @@ def test_what_is_only_beside_the_path_slows_the_tool_and_does_not_turn_it(pa10):
     start, slowest = kept.run.pose.p, 1.0
     for _ in range(200):
         kept.go(0.01, (0.0, 0.5, 0.03, 0, 0, 0))
-        slowest = min(slowest, kept.run.outputs[-1].scale)
+        slowest = min(slowest, kept.run.outputs[-1].granted)
         if slowest < 0.55:
             break
         way = kept.run.pose.p - start

@@ -163,11 +163,11 @@ def test_a_tail_in_space_answers_all_sources_at_once_while_the_rest_stands():
         "wrench_sensor": np.array([2.0, -3.0, 2.0, 0.01, 0.02, -0.01]),
     }
     outputs = [snake.step(**given) for _ in range(80)]
-    sources = outputs[-1].desired.twists
+    sources = outputs[-1].twists
     assert min(float(np.linalg.norm(sources[name])) for name in gains) > 1e-3
-    assert sum(sources.values()) == pytest.approx(outputs[-1].desired.twist, abs=1e-15)
+    assert sum(sources.values()) == pytest.approx(outputs[-1].twist, abs=1e-15)
     # The head does on all six axes what they ask for together.
-    asked = np.mean([output.desired.twist for output in outputs[40:-1]], axis=0)
+    asked = np.mean([output.twist for output in outputs[40:-1]], axis=0)
     moved = pose_error(outputs[-1].T_world_mrf, outputs[40].T_world_mrf) / 0.39
     assert np.abs(asked).min() > 1e-3
     assert moved == pytest.approx(asked, abs=5e-4)

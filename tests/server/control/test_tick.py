@@ -42,14 +42,14 @@ def test_the_twist_is_the_sum_of_every_sources(run, stick):
     inputs = everything_at_once(run, stick)
     for _ in range(100):
         output = run.tick(**inputs)
-        assert set(output.desired.twists) == {*SOURCES, "frames"}
-        total = sum(output.desired.twists.values())
-        np.testing.assert_allclose(output.desired.twist, total, rtol=0, atol=1e-16)
-    assert not output.desired.twists.pop("frames").any()  # nothing moves, nothing was redefined
+        assert set(output.twists) == {*SOURCES, "frames"}
+        total = sum(output.twists.values())
+        np.testing.assert_allclose(output.twist, total, rtol=0, atol=1e-16)
+    assert not output.twists.pop("frames").any()  # nothing moves, nothing was redefined
     busy = {"joystick", "position", "vision", "force"}
     for off in set(SOURCES) - busy:
-        assert not output.desired.twists.pop(off).any()
-    assert all(np.linalg.norm(twist) > 1e-3 for twist in output.desired.twists.values())
+        assert not output.twists.pop(off).any()
+    assert all(np.linalg.norm(twist) > 1e-3 for twist in output.twists.values())
 
 
 def test_the_tool_moves_as_the_sum_says(run, stick):
@@ -57,16 +57,16 @@ def test_the_tool_moves_as_the_sum_says(run, stick):
     run.go(0.6, **inputs)
     J = run.arm.mechanism.kinematics(run.memory.commanded.motion.q, run.settings.T_wrist_mrf).J
     output = run.tick(**inputs)
-    np.testing.assert_allclose(J @ output.dq, output.desired.twist, atol=5e-3)
+    np.testing.assert_allclose(J @ output.dq, output.twist, atol=5e-3)
     run.observe()
 
 
 def test_a_source_whose_gains_are_zero_adds_nothing(run, stick):
     run.set(gains=run.arm.gains(position=0.0, force=0.0))
     output = run.go(0.3, **everything_at_once(run, stick))
-    assert output.desired.twists["joystick"].any()
-    assert not output.desired.twists["position"].any()
-    assert not output.desired.twists["force"].any()
+    assert output.twists["joystick"].any()
+    assert not output.twists["position"].any()
+    assert not output.twists["force"].any()
 
 
 def test_a_person_nudges_an_automatic_motion_which_still_reaches_its_target(run, stick):
@@ -83,7 +83,7 @@ def test_a_person_nudges_an_automatic_motion_which_still_reaches_its_target(run,
 
 
 def bits(output):
-    return output.q.tobytes(), output.dq.tobytes(), output.desired.twist.tobytes(), output.limits
+    return output.q.tobytes(), output.dq.tobytes(), output.twist.tobytes(), output.limits
 
 
 def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run, stick, rng):
@@ -112,12 +112,12 @@ def test_the_same_inputs_give_the_same_bits_whatever_was_computed_in_between(run
 def test_a_source_is_switched_off_and_on_in_full_motion_without_a_jump(run, stick, source):
     inputs = everything_at_once(run, stick)
     run.go(0.5, **inputs)
-    before = run.outputs[-1].desired.twists[source]
+    before = run.outputs[-1].twists[source]
     run.set(gains=run.arm.gains(**{source: 0.0}))
-    after = run.tick(**inputs).desired.twists[source]
+    after = run.tick(**inputs).twists[source]
     assert np.linalg.norm(after - before) < 0.15 * np.linalg.norm(before)
     run.go(3.0, **inputs)
-    np.testing.assert_allclose(run.outputs[-1].desired.twists[source], 0.0, atol=1e-5)
+    np.testing.assert_allclose(run.outputs[-1].twists[source], 0.0, atol=1e-5)
     run.set(gains=run.arm.gains())
     run.go(1.0, **inputs)
     run.observe()
@@ -169,7 +169,7 @@ def test_the_tool_keeps_its_speed_bounds_whatever_is_asked(run, stick):
         output = run.go(0.4, stick=stick(*twist))
         assert "tool_speed" in output.limits
         for output in run.outputs[-40:]:
-            granted = output.scale * output.desired.twist
+            granted = output.granted * output.twist
             assert np.linalg.norm(granted[:3]) <= limits.speed * (1 + 1e-9)
             assert np.linalg.norm(granted[3:]) <= limits.angular_speed * (1 + 1e-9)
         run.go(0.5)
@@ -218,7 +218,7 @@ def test_hold_stands_whatever_is_asked(run, stick):
     output = run.go(0.5, intent=Intent.HOLD, **inputs)
     np.testing.assert_array_equal(output.q, at)
     assert output.at_rest
-    assert not output.desired.twist.any()
+    assert not output.twist.any()
 
 
 def test_going_on_after_hold_begins_from_rest_where_the_arm_was_held(run, stick):

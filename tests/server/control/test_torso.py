@@ -155,7 +155,7 @@ def led(cell, control, ticks=60, q=None, behind=0.0, **told):
 
 
 def rates(outputs):
-    return np.concatenate([output.desired.dq for output in outputs])
+    return np.concatenate([output.dq_asked for output in outputs])
 
 
 def stick(*twist):
@@ -172,7 +172,7 @@ def test_both_tools_do_what_they_are_asked_for_by_all_sixteen_joints(cell, contr
         dq, shares = rates(outputs), []
         for i, name in ((1, "left"), (2, "right")):
             J, _ = true_jacobian(world, q, name)
-            twist = outputs[i].desired.twist
+            twist = outputs[i].twist
             assert J @ dq == pytest.approx(twist, abs=1e-9)
             shares.append(Share(J[:, :2], J[:, control.parts[i]], twist))
         assert dq[:2] == pytest.approx(stacked(shares, D, DAMPING)[:2], abs=1e-9)
@@ -184,7 +184,7 @@ def test_without_damping_that_is_the_least_weighted_motion_of_all(cell, control,
     """Least |D⁻¹ q̇_s|² + |q̇|² that does both twists, of one pseudoinverse, within 3 %."""
     *_, (q, outputs, _) = led(cell, control, left=ONE, right=OTHER)
     J = np.vstack([true_jacobian(world, q, name)[0] for name in ("left", "right")])
-    twist = np.concatenate([outputs[i].desired.twist for i in (1, 2)])
+    twist = np.concatenate([outputs[i].twist for i in (1, 2)])
     W = np.diag(np.r_[D, np.ones(14)])
     least = W @ np.linalg.pinv(J @ W) @ twist
     assert rates(outputs)[:2] == pytest.approx(least[:2], rel=0.03, abs=1e-4)
@@ -221,12 +221,12 @@ def test_an_arm_that_is_jogged_or_led_in_its_base_asks_nothing_and_is_carried_al
     jog = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     for told in ({"jog": jog}, {**ONE, "ground": "base"}):
         *_, (q, outputs, _) = led(cell, control, left=told)
-        assert not outputs[0].desired.dq.any()
+        assert not outputs[0].dq_asked.any()
         *_, (q, outputs, _) = led(cell, control, left=told, torso=stick(0, 0, 0, 0, 0, 0.2))
-        carried = true_jacobian(world, q, "left")[0][:, :2] @ outputs[0].desired.dq
+        carried = true_jacobian(world, q, "left")[0][:, :2] @ outputs[0].dq_asked
         assert np.abs(carried).max() > 0.1
-        own = outputs[1].desired
-        assert true_jacobian(world, q, "left")[0][:, 2:9] @ own.dq == pytest.approx(
+        own = outputs[1]
+        assert true_jacobian(world, q, "left")[0][:, 2:9] @ own.dq_asked == pytest.approx(
             own.twist, abs=1e-9
         )
 
@@ -238,7 +238,7 @@ def test_a_lift_at_its_limit_leaves_the_rest_to_the_arms(cell, control, world):
     for q, outputs, motion in led(cell, control, 120, start, left=stick(0, 0, 0.1, 0, 0, 0)):
         for i, name in ((1, "left"), (2, "right")):
             granted[name] = true_jacobian(world, q, name)[0] @ motion.dq
-            assert np.abs(granted[name] - outputs[i].desired.twist).max() < 0.01
+            assert np.abs(granted[name] - outputs[i].twist).max() < 0.01
         assert q[1] < upper - 0.0099
     assert q[1] > start[1] + 1e-3
     assert granted["left"][2] > 0.09
@@ -251,7 +251,7 @@ def test_a_lift_that_its_leash_holds_is_made_up_for_by_both_arms(cell, control, 
     behind[1] = cell.config.mechanism.drives[1].leash + 5e-4
     ticks = led(cell, control, behind=behind, left=stick(0.0, 0.0, 0.1, 0.0, 0.0, 0.0))
     *_, (q, outputs, motion) = ticks
-    assert outputs[0].desired.dq[1] > 0.02
+    assert outputs[0].dq_asked[1] > 0.02
     assert motion.dq[1] == pytest.approx(0.0, abs=1e-6)
     granted = {n: true_jacobian(world, q, n)[0] @ motion.dq for n in ("left", "right")}
     assert granted["left"][2] > 0.02
@@ -284,7 +284,7 @@ def test_an_arm_that_cannot_keep_up_slows_the_torso_and_the_other_arm(cell, worl
     slowed = Control.of(replace(cell, others=(altered(left, slow), right)))
     ticks = list(led(cell, slowed, ticks=100, torso=stick(0.0, 0.0, 0.0, 0.0, 0.0, 0.2)))
     q, outputs, motion = ticks[-1]
-    assert outputs[0].desired.dq[0] == pytest.approx(0.2, abs=1e-6)
+    assert outputs[0].dq_asked[0] == pytest.approx(0.2, abs=1e-6)
     assert 0.01 < motion.dq[0] < 0.15
     assert "joint_speed" in outputs[1].limits
     for name in ("left", "right"):

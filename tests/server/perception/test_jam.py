@@ -50,9 +50,9 @@ def play(
         wrench = None if force is None else force * np.array([1.0, aside, 0.0, 0.0, 0.0, lever])
         twists = {"joystick": np.array([*u, 0.0, 0.0, turning]), "force": -np.ones(6)}
         pose = Pose(rotation_exp(np.array([0.0, 0.0, k * T * turns])), at)
-        seen, desired = SimpleNamespace(wrench=wrench), SimpleNamespace(twists=twists)
+        seen = SimpleNamespace(wrench=wrench)
         monitor.update(
-            SimpleNamespace(seen=seen, desired=desired, T_world_mrf_measured=pose, limits=limits)
+            SimpleNamespace(seen=seen, twists=twists, T_world_mrf_measured=pose, limits=limits)
         )
     return at
 

@@ -17,7 +17,7 @@ def output(force, relief=NOTHING):
     here = Pose.identity()
     return SimpleNamespace(
         seen=SimpleNamespace(wrench=wrench),
-        desired=SimpleNamespace(twists={"force": relief}),
+        twists={"force": relief},
         T_world_mrf=here,
         T_world_mrf_measured=here,
     )

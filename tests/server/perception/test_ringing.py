@@ -23,7 +23,7 @@ def heard(force, stiffness, seconds=3.0):
         f = force(k * T)
         output = SimpleNamespace(
             seen=SimpleNamespace(wrench=np.array([f, 0, 0, 0, 0, 0])),
-            desired=SimpleNamespace(twists={}), task=SimpleNamespace(gains=gains),
+            twists={}, task=SimpleNamespace(gains=gains),
             T_world_mrf_measured=Pose(np.eye(3), np.array([0.8 + f / stiffness, 0.0, 0.0])),
         )  # fmt: skip
         monitor.update(output, Mode.ENABLED)

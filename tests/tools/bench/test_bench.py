@@ -82,7 +82,7 @@ def test_arms_on_one_payload_are_measured_while_they_hold_it(monkeypatch):
     class Watched(tick.Control):
         def tick(self, memory, inputs):
             after, outputs = super().tick(memory, inputs)
-            held.append([output.held is not None for output in outputs])
+            held.append([output.holding is not None for output in outputs])
             return after, outputs
 
     monkeypatch.setattr(tick, "Control", Watched)

@@ -18,5 +18,5 @@ def situation(k, dq, motion, scene):
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
     seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
     arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED, moving_since_s=0.0)
-    arm.dq, arm.found = dq, JointRates(dq, SelfMotion(none, {}))
+    arm.dq_asked, arm.found = dq, JointRates(dq, SelfMotion(none, {}))
     return (arm,), motion, {}, (), dq

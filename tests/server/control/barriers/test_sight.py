@@ -12,12 +12,12 @@ from telerobot.server.control.barriers.clearance import (
     ROUNDEST,
     SLACK,
     Clearance,
-    Shown,
     standing,
     wanted,
 )
 from telerobot.server.control.compiled import evolve
 from telerobot.server.control.proximity.capsules import Capsules, doubtful, travel
+from telerobot.server.control.proximity.pairs import Shown
 from telerobot.server.control.scene import Body
 from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.events import Events
@@ -222,7 +222,9 @@ def test_the_nearest_pairs_are_told_nearest_first(pa10, clear, rng):
         active = rng.uniform(size=len(gap)) < 0.4
         order = np.argsort(gap, kind="stable")
         for only, which in ((False, order[:4]), (True, order[active[order]][:4])):
-            found = Shown(sight, clearance.capsules.links, active).gaps(only_active=only)
+            found = Shown(sight.near, scene, clearance.capsules.links, active).gaps(
+                only_active=only
+            )
             assert [g.gap for g in found] == gap[which].tolist()
             assert [g.active for g in found] == active[which].tolist()
             names = [clearance.capsules.links[i] for i in sight.near.first[which]]

@@ -49,7 +49,7 @@ def test_an_arm_that_is_misplaced_does_not_press_the_beam(cell, stick):
     assert force.max() < 3.0
     assert without[-1] > 4.5
     # The arms' views of the beam are told anew as they drift, and stay near each other.
-    assert melted.outputs[0].held.apart < 2e-3
+    assert melted.outputs[0].holding.apart < 2e-3
 
 
 TRUE = "mass = 5.0\ngrasp"
@@ -68,7 +68,7 @@ def test_a_load_that_is_told_wrong_neither_sinks_nor_rises(cell, mass):
     _, _, place = run.run(2.0)
     assert np.abs(np.array(place) - before).max() < 1e-3
     assert abs(place[-1] - place[-50]).max() < 2e-5
-    assert run.outputs[0].held.load[0] == pytest.approx(mass - 5.0, abs=0.02)
+    assert run.outputs[0].holding.load[0] == pytest.approx(mass - 5.0, abs=0.02)
 
 
 def test_a_load_whose_centre_is_told_wrong_does_not_turn(cell):
@@ -77,7 +77,7 @@ def test_a_load_whose_centre_is_told_wrong_does_not_turn(cell):
     run.run(2.0)
     _, turned = run.world.beam.pose()
     assert np.arccos((np.trace(before.T @ turned) - 1) / 2) < 5e-3
-    np.testing.assert_allclose(run.outputs[0].held.load, [0, 0.25, 0, 0], atol=0.02)
+    np.testing.assert_allclose(run.outputs[0].holding.load, [0, 0.25, 0, 0], atol=0.02)
 
 
 def test_what_was_found_to_weigh_more_still_does_once_it_is_turned(cell):
@@ -87,7 +87,7 @@ def test_what_was_found_to_weigh_more_still_does_once_it_is_turned(cell):
     run.run(2.5, 0.2 * YAW)
     run.run(1.0)
     after = run.world.beam.pose()
-    np.testing.assert_allclose(run.outputs[0].held.load, [0.5, 0.275, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(run.outputs[0].holding.load, [0.5, 0.275, 0.0, 0.0], atol=0.02)
     assert abs(after[0] - before[0]).max() < 2e-3
     assert abs(after[1][2] - before[1][2]).max() < 2e-3  # level as before
 
@@ -118,7 +118,7 @@ def test_what_the_load_rests_on_is_given_way_to_and_no_weight(cell):
     pressed = on_a_table(run, 3.0)
     assert max(pressed) > 15.0
     assert pressed[-1] < 1.0
-    assert abs(run.outputs[0].held.load[0]) < 0.1
+    assert abs(run.outputs[0].holding.load[0]) < 0.1
 
 
 def test_what_a_stick_presses_on_is_no_weight(cell):
@@ -126,7 +126,7 @@ def test_what_a_stick_presses_on_is_no_weight(cell):
     run = Carrying(cell())
     pressed = on_a_table(run, 4.0, -0.002 * UP)
     assert pressed[-1] == pytest.approx(13.3, abs=1.0)
-    assert abs(run.outputs[0].held.load[0]) < 0.05
+    assert abs(run.outputs[0].holding.load[0]) < 0.05
 
 
 def test_a_wrench_that_is_asked_for_is_exerted_and_no_weight(cell):
@@ -134,7 +134,7 @@ def test_a_wrench_that_is_asked_for_is_exerted_and_no_weight(cell):
     run.wrench_desired = np.array([0.0, 0.0, -10.0, 0.0, 0.0, 0.0])
     pressed = on_a_table(run, 3.0)
     assert pressed[-1] == pytest.approx(10.0, abs=1.0)
-    assert abs(run.outputs[0].held.load[0]) < 0.01
+    assert abs(run.outputs[0].holding.load[0]) < 0.01
 
 
 STOPS = {
@@ -225,7 +225,7 @@ def test_internal_force_beyond_its_bound_stops_the_arms_by_name(cell):
     run.world.beam.shift(1, np.array([0.0, 6e-3, 0.0]))
     run.run(0.1, 0.1 * FORWARD)
     assert "internal_force:beam" in run.outputs[0].limits
-    assert run.outputs[0].held.strained
+    assert run.outputs[0].holding.strained
     assert "verified_stop" in run.outputs[0].limits
     run.run(0.4, 0.1 * FORWARD)
     assert all(output.at_rest for output in run.outputs)
@@ -238,33 +238,33 @@ def test_an_internal_moment_beyond_its_bound_stops_the_arms_and_hold_bleeds_it_o
     run.world.beam.turn(1, np.array([0.0, 0.05, 0.0]))
     run.run(0.05, 0.1 * FORWARD)
     assert "internal_moment:beam" in run.outputs[0].limits
-    assert run.outputs[0].held.strained == "internal_moment"
-    assert run.outputs[0].held.internal_force < 60.0
+    assert run.outputs[0].holding.strained == "internal_moment"
+    assert run.outputs[0].holding.internal_force < 60.0
     run.run(0.4, 0.1 * FORWARD, intent=Intent.STOP)
     assert all(output.at_rest for output in run.outputs)
     run.run(1.5, intent=Intent.HOLD)
-    assert run.outputs[0].held.internal_moment < 4.0
+    assert run.outputs[0].holding.internal_moment < 4.0
     assert not run.outputs[0].shared.bleeding
 
 
 def test_an_arm_whose_sensor_is_stale_gives_way_to_nothing(cell):
     run = Carrying(cell())
     run.run(0.1, blind=(1,))
-    assert run.outputs[0].held.internal_force is None
+    assert run.outputs[0].holding.internal_force is None
     assert run.outputs[1].seen.wrench is None
-    assert not run.outputs[1].desired.twists["force"].any()
+    assert not run.outputs[1].twists["force"].any()
 
 
 def test_views_that_drift_apart_are_told_and_follow_their_mean(cell):
     run = Carrying(cell())
     run.run(0.1)
-    assert run.outputs[1].held.redefined == 0
+    assert run.outputs[1].holding.redefined == 0
     run.world.beam.shift(1, np.array([0.0, 0.0, 5e-3]))
     run.run(1.0)
     run.world.beam.shift(1, np.array([0.0, 0.0, 5e-3]))
     force, _, place = run.run(4.0)
-    assert run.outputs[1].held.redefined >= 1
-    assert run.outputs[1].held.apart < 1e-3
+    assert run.outputs[1].holding.redefined >= 1
+    assert run.outputs[1].holding.apart < 1e-3
     # What they disagreed on is not paid back as a motion.
     assert force[-100:].max() < 1.0
     np.testing.assert_allclose(place[-1], place[-100], atol=1e-4)
@@ -276,7 +276,7 @@ def test_a_beam_that_slips_out_of_one_grasp_stops_both_arms(cell):
     run.world.beam.let_go(1)
     run.run(0.6, 0.1 * FORWARD)
     assert "slipped:beam" in run.outputs[0].limits
-    assert [output.held.slipped for output in run.outputs] == [False, True]
+    assert [output.holding.slipped for output in run.outputs] == [False, True]
     assert all(output.at_rest for output in run.outputs)
     before = run.command.copy()
     run.run(0.5, intent=Intent.HOLD)  # and no arm goes up or down after its share
@@ -287,10 +287,10 @@ def test_a_beam_that_slipped_is_noticed_where_the_other_sensor_tells_nothing(cel
     """All of the weight on one arm saturates its sensor."""
     run = Carrying(cell())
     run.run(0.3, intent=Intent.HOLD, blind=(0,))
-    assert not any(output.held.slipped for output in run.outputs)
+    assert not any(output.holding.slipped for output in run.outputs)
     run.world.beam.let_go(1)
     run.run(0.2, intent=Intent.HOLD, blind=(0,))
-    assert [output.held.slipped for output in run.outputs] == [False, True]
+    assert [output.holding.slipped for output in run.outputs] == [False, True]
 
 
 def test_a_beam_that_is_set_down_on_something_did_not_slip(cell):
@@ -301,7 +301,7 @@ def test_a_beam_that_is_set_down_on_something_did_not_slip(cell):
         # as if a table carried nine tenths of it
         beam.lift(np.array([0.0, 0.0, 0.9 * 5 * 9.81]))
         run.tick()
-    assert not any(output.held.slipped for output in run.outputs)
+    assert not any(output.holding.slipped for output in run.outputs)
 
 
 @pytest.mark.parametrize(

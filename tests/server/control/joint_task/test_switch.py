@@ -30,7 +30,7 @@ def test_arms_let_go_of_each_other_at_rest_and_hold_together_again(run):
     run.run(0.2, intent=Intent.HOLD)
     run.memory = held_together(task, run.memory, each(run))
     force, _, place = run.run(0.5, SIDEWAYS)
-    assert all(output.held.task == "beam" for output in run.outputs)
+    assert all(output.holding.task == "beam" for output in run.outputs)
     assert place[-1][1] - place[0][1] > 0.01
     assert force.max() < 5.0
 

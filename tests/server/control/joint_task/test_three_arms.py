@@ -37,7 +37,7 @@ def test_what_an_arm_carries_is_what_its_shares_say(trio):
     carried = [run.world.beam.wrenches[2, 2] for run in (equal, less)]
     assert carried[1] < 0.75 * carried[0]
     # That is meant, and no strain.
-    assert less.outputs[0].held.internal_force < 1.0
+    assert less.outputs[0].holding.internal_force < 1.0
 
 
 def test_a_misfit_of_one_grasp_is_melted(trio):

@@ -65,5 +65,5 @@ def test_spare_joints_take_weight_off_the_joints_and_the_tool_stands(pa10, start
     assert (np.diff(loads) < 1e-6).all()
     assert loads[-1] < 0.99 * loads[0]
     assert np.linalg.norm(run.pose.p - at.p) < 2e-3
-    assert run.outputs[-1].desired.found.self_motion.norms.keys() == {"gravity_torque"}
+    assert run.outputs[-1].found.self_motion.norms.keys() == {"gravity_torque"}
     run.observe()

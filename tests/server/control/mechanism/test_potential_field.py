@@ -155,10 +155,10 @@ def test_the_slope_in_the_self_motions_is_gone_within_two_seconds(start):
     arm, scene = arm_among("pa10", EVERY_KIND, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
     before = run.pose
-    first = run.tick(scene=scene).desired.found.field.slope
+    first = run.tick(scene=scene).found.field.slope
     last = run.go(2.0, scene=scene)
     assert first > 0.04
-    assert last.desired.found.field.slope < 1e-3
+    assert last.found.field.slope < 1e-3
     assert np.linalg.norm(run.pose.p - before.p) < 1e-3
     run.observe()
 
@@ -168,8 +168,8 @@ def test_the_strengths_do_not_change_how_quickly_the_slope_is_gone(start, streng
     potential = PotentialFieldSection(obstacles=strength, lines=strength, joint_limits=strength)
     arm, scene = arm_among("pa10", EVERY_KIND, potential, field=4.0)
     run = start(arm, arm.posture("ready") + SWUNG)
-    first = run.tick(scene=scene).desired.found.field.slope
-    assert run.go(2.0, scene=scene).desired.found.field.slope < 0.02 * first
+    first = run.tick(scene=scene).found.field.slope
+    assert run.go(2.0, scene=scene).found.field.slope < 0.02 * first
 
 
 def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start):
@@ -184,7 +184,7 @@ def test_an_obstacle_that_leaps_at_the_arm_asks_for_no_more_than_the_bound(start
     leap = dataclasses.replace(scene, rounds=rounds)
     for _ in range(50):
         output = run.tick(scene=leap)
-        share = np.abs(output.desired.found.self_motion.dq) / arm.p.joints.velocity
+        share = np.abs(output.found.self_motion.dq) / arm.p.joints.velocity
         assert share.max() <= arm.p.redundancy.max_rate + 1e-12
     run.observe()
 
@@ -198,15 +198,15 @@ def test_self_motion_leaves_the_task_its_speed(start, stick):
     for _ in range(60):
         quiet = alone.tick(stick=push)
         output = both.tick(scene=scene, stick=push)
-        assert output.scale == pytest.approx(quiet.scale, abs=0.05)
-    assert max(np.abs(o.desired.found.self_motion.dq).max() for o in both.outputs) > 0.05
+        assert output.granted == pytest.approx(quiet.granted, abs=0.05)
+    assert max(np.abs(o.found.self_motion.dq).max() for o in both.outputs) > 0.05
 
 
 def test_a_field_that_nothing_follows_is_not_computed(start, monkeypatch):
     arm, scene = arm_among("pa10", EVERY_KIND, field=0.0)
     run = start(arm)
     monkeypatch.setattr(arm.p.capsules, "place", None)
-    assert run.go(0.1, scene=scene).desired.found.field is None
+    assert run.go(0.1, scene=scene).found.field is None
 
 
 def test_where_there_is_no_field_none_is_computed_or_told(start):
@@ -215,8 +215,8 @@ def test_where_there_is_no_field_none_is_computed_or_told(start):
     arm, scene = arm_among("pa10", EVERY_KIND, none, field=4.0)
     run = start(arm)
     output = run.go(0.1, scene=scene)
-    assert output.desired.found.field is None
-    assert not output.desired.found.self_motion.dq.any()
+    assert output.found.field is None
+    assert not output.found.self_motion.dq.any()
 
 
 def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
@@ -224,9 +224,9 @@ def test_without_obstacles_the_other_potentials_are_felt(start, monkeypatch):
     run = start(arm, arm.posture("ready") + SWUNG)
     monkeypatch.setattr(arm.p.capsules, "place", None)
     output = run.tick()
-    assert output.desired.found.field.parts["joint_limits"] > 0.0
-    assert output.desired.found.field.parts["obstacles"] == 0.0
-    assert output.desired.found.self_motion.dq.any()
+    assert output.found.field.parts["joint_limits"] > 0.0
+    assert output.found.field.parts["obstacles"] == 0.0
+    assert output.found.self_motion.dq.any()
 
 
 ON_THE_WAY = (ObstacleSection(name="ball", shape="sphere", xyz=(0.55, 0.0, 0.40), radius=0.05),)
@@ -356,7 +356,7 @@ def test_an_operator_turns_the_link_with_his_frame_and_what_it_left_behind_comes
 
 def changes(run, since):
     """The greatest change of the velocity along the links in a tick, from a tick on [m/s]."""
-    rates = np.array([o.desired.found.give_way for o in run.outputs[since - 1 :]])
+    rates = np.array([o.found.give_way for o in run.outputs[since - 1 :]])
     return np.abs(np.diff(rates, axis=0)).max()
 
 
@@ -393,7 +393,7 @@ def test_an_arm_without_links_computes_none(start, monkeypatch):
     monkeypatch.setattr(Field, "directions", None)
     monkeypatch.setattr(Field, "give_way", None)
     monkeypatch.setattr(PositionState, "way", None)
-    assert run.go(0.1, scene=scene, goal=goal).desired.found.give_way is None
+    assert run.go(0.1, scene=scene, goal=goal).found.give_way is None
 
 
 @pytest.mark.parametrize("always", [True, False])
@@ -421,7 +421,7 @@ def test_an_arm_with_spare_joints_uses_them_and_the_link(start):
     run.go(4.0, scene=scene, goal=goal)
     assert np.abs(offs(run)[:, 2]).max() > 5e-3
     assert np.abs(offs(run)[:, :2]).max() < 1e-12
-    assert max(np.abs(o.desired.found.self_motion.dq).max() for o in run.outputs) > 0.01
+    assert max(np.abs(o.found.self_motion.dq).max() for o in run.outputs) > 0.01
     run.observe()
 
 
@@ -456,7 +456,7 @@ def rounds(start, search, sense):
         twist = np.concatenate([way, np.zeros(3)]) + 4.0 * pose_error(Pose(at.R, aim), run.pose)
         output = run.tick(scene=scene, stick=StickCommand(twist, np.eye(3)))
         postures.append(run.sent[-1])
-        slopes.append(output.desired.found.field.slope)
+        slopes.append(output.found.field.slope)
     run.observe()
     last = np.array(postures[n:])
     return arm, scene, (last if sense > 0 else last[-2::-1]), max(slopes[n:])
@@ -495,6 +495,6 @@ def test_a_search_keeps_the_bounds_of_the_joints_when_an_obstacle_jumps(start):
         run.go(0.4, scene=scene)
         run.go(0.4)
     run.go(2.0, scene=scene)
-    assert run.outputs[-1].desired.found.field.slope < 1e-3
+    assert run.outputs[-1].found.field.slope < 1e-3
     assert np.linalg.norm(run.pose.p - before.p) < 2e-3
     run.observe()

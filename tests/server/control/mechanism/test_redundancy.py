@@ -48,7 +48,7 @@ def held(run, before):
 def test_an_objective_that_is_off_is_not_computed(swung, monkeypatch):
     monkeypatch.setattr(swung.arm.mechanism, "mass_matrix", None)
     output = swung.go(0.3, stick=None)
-    assert output.desired.found.self_motion.norms == {}
+    assert output.found.self_motion.norms == {}
     assert not output.dq.any()
 
 
@@ -102,9 +102,9 @@ def test_the_sum_of_all_keeps_its_own_speed_bound(swung):
     )
     bound = swung.arm.p.redundancy.max_rate * swung.arm.p.joints.velocity
     output = swung.go(0.5)
-    assert (np.abs(output.desired.found.self_motion.dq) <= bound * (1 + 1e-9)).all()
-    assert np.abs(output.desired.found.self_motion.dq / bound).max() == pytest.approx(1.0)
-    assert set(output.desired.found.self_motion.norms) == {"mid_range", "manipulability", "posture"}
+    assert (np.abs(output.found.self_motion.dq) <= bound * (1 + 1e-9)).all()
+    assert np.abs(output.found.self_motion.dq / bound).max() == pytest.approx(1.0)
+    assert set(output.found.self_motion.norms) == {"mid_range", "manipulability", "posture"}
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.3])
@@ -144,8 +144,8 @@ def test_gains_and_posture_change_while_running_without_a_jump(swung, rng):
         gains["least_energy"] = min(gains["least_energy"], 1.0)
         named = str(rng.choice(["ready", "start", "park"]))
         swung.set(objectives=objectives(swung, named, **gains))
-        before = swung.outputs[-1].desired.found.self_motion.dq
-        first = swung.tick().desired.found.self_motion.dq
+        before = swung.outputs[-1].found.self_motion.dq
+        first = swung.tick().found.self_motion.dq
         assert np.abs(first - before).max() < 0.15
         swung.go(0.4)
     swung.observe()
@@ -182,5 +182,5 @@ def test_six_joints_have_nothing_spare(ur5e, start):
     run = start(ur5e, ur5e.posture("ready"))
     run.set(objectives=objectives(run, "park", posture=5.0, manipulability=5.0, mid_range=5.0))
     output = run.go(0.5)
-    assert not output.desired.found.self_motion.dq.any()
+    assert not output.found.self_motion.dq.any()
     np.testing.assert_array_equal(output.q, run.q)

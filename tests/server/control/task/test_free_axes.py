@@ -78,8 +78,8 @@ def test_position_control_asks_nothing_along_a_free_axis(pa10, start):
         output, R = run.tick(goal=goal), k.T_world_mrf.R
         asked = np.concatenate(
             [
-                R.T @ output.desired.twists["position"][:3],
-                R.T @ output.desired.twists["position"][3:],
+                R.T @ output.twists["position"][:3],
+                R.T @ output.twists["position"][3:],
             ]
         )
         assert np.abs(asked[[0, 5]]).max() < 1e-12
@@ -99,7 +99,7 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     found = arm.resolved(ArmTick(seen, arm.redundancy.objectives, settled=True, twists=twists))
     assert found.scale == 1.0
     assert found.limits == ()
-    for twist in (found.twist, held.part(k.J @ found.dq)):
+    for twist in (found.twist, held.part(k.J @ found.dq_asked)):
         np.testing.assert_allclose(k.T_world_mrf.R.T @ twist[:3], [0.0, 0.0, 0.05], atol=1e-9)
 
 
@@ -128,7 +128,7 @@ def test_axes_are_let_go_and_held_again_without_a_jump_of_joint_rates(pa10, star
         run.set(held=held)
         for _ in range(80):
             output = run.tick(stick=push)
-            asked.append(output.desired.found.self_motion.dq)
+            asked.append(output.found.self_motion.dq)
         assert (output.task.held is None) if held is None else output.task.held is held
     steps = np.abs(np.diff(np.array(asked), axis=0))[1:].max()
     assert steps < 0.12 * np.abs(asked).max()
@@ -152,7 +152,7 @@ def test_the_axes_of_another_mrf_are_that_frames_own(pa10, start, stick):
     run.set(held=holding(("z",)), T_wrist_mrf=there, objectives=objectives)
     along = run.pose.R[:, 2]
     output = run.go(0.3, stick=stick(*(0.05 * along), 0.0, 0.0, 0.0))
-    np.testing.assert_allclose(output.desired.twist, 0.0, atol=1e-12)
+    np.testing.assert_allclose(output.twist, 0.0, atol=1e-12)
 
 
 def test_the_place_of_another_mrf_stands_while_the_tool_turns_about_it(pa10, start):

@@ -118,7 +118,7 @@ def test_a_schedule_by_force_softens_the_stick_in_contact(scheduled, stick):
     pressing = weight + np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     half = run.go(1.5, **given, wrench_sensor=pressing)
     assert half.task.gains["joystick"] == pytest.approx(np.full(6, 0.625), abs=0.02)
-    assert np.linalg.norm(half.desired.twists["joystick"]) == pytest.approx(0.0125, rel=0.05)
+    assert np.linalg.norm(half.twists["joystick"]) == pytest.approx(0.0125, rel=0.05)
     run.observe()
 
 

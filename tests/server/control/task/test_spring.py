@@ -152,7 +152,7 @@ def test_on_the_arm_a_stick_glides_in_the_plane_and_stands_off_by_its_rate_over_
     x, y, _ = run.pose.p - at
     assert x == pytest.approx(0.02 / 2.0, rel=0.01)
     assert y == pytest.approx(0.04 * 4.0, rel=0.03)
-    assert run.outputs[-1].desired.twists["spring"][0] == pytest.approx(-0.02, rel=0.01)
+    assert run.outputs[-1].twists["spring"][0] == pytest.approx(-0.02, rel=0.01)
     run.go(4.0)
     assert abs(run.pose.p[0] - at[0]) < 1e-4
     run.observe()
