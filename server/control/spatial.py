@@ -428,7 +428,7 @@ def product(A: Array, x: Array) -> Array:
 def _multiply(A: Array, x: Array, out: Array) -> None:
     for i in range(len(out)):
         total = 0.0
-        for j in range(A.shape[1]):
+        for j in range(max(A.shape[1], len(x))):  # one that does not fit is an error, either way
             total += A[i, j] * x[j]
         out[i] = total
 
@@ -437,7 +437,7 @@ def _multiply(A: Array, x: Array, out: Array) -> None:
 def dot(a: Array, b: Array) -> float:
     """Return a · b of two vectors (n,)."""
     total = 0.0
-    for i in range(len(a)):
+    for i in range(max(len(a), len(b))):
         total += a[i] * b[i]
     return total
 

@@ -324,8 +324,11 @@ def test_a_product_is_numpys_whatever_the_strides(rng, shape):
     assert product(A, x) == pytest.approx(A @ x, abs=1e-14)
     assert product(A.T.copy().T, x) == pytest.approx(A @ x, abs=1e-14)
     assert dot(x, x) == pytest.approx(x @ x, rel=1e-14)
-    with pytest.raises(IndexError):
-        product(rng.normal(size=(2, len(x) + 1)), x)
+    for n in (shape[1] - 1, shape[1] + 1):
+        with pytest.raises(IndexError):
+            product(rng.normal(size=(2, n)), x)
+        with pytest.raises(IndexError):
+            dot(np.zeros(n), x)
 
 
 def test_the_largest_part_is_numpys_even_where_one_is_not_a_number(rng):
