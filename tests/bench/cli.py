@@ -16,6 +16,7 @@ from ..equipment.alone import run_alone
 from . import fit, held, rover
 from .against import compare
 from .growth import QUICK_TICKS, ROUNDS, TICKS, arms, growth
+from .in_turn import in_turn
 from .load import OBSTACLES, among
 from .page import page
 
@@ -53,11 +54,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--against", metavar="REVISION",
         help="measure this revision and another one in turn, and tell the ratios",
     )  # fmt: skip
+    parser.add_argument(
+        "--in-turn", metavar="REVISION",
+        help="measure instead a daemon's period of both, period by period in turn on one core",
+    )  # fmt: skip
 
 
 def _run(args: argparse.Namespace) -> int:
-    if args.against is not None:
-        found = compare(args.against, args.only, args.quick)
+    if args.against is not None or args.in_turn is not None:
+        if args.in_turn is not None:
+            found = in_turn(args.in_turn, args.quick)
+        else:
+            found = compare(args.against, args.only, args.quick)
         if args.json:
             args.json.write_text(json.dumps(found, indent=1))
         return 0
