@@ -80,7 +80,7 @@ LATENCY = Path("/dev/cpu_dma_latency")
 _SLEEPING = Path("/sys/devices/system/cpu/cpuidle/current_driver")
 
 HUGE = 2 << 20
-"""Size of a huge page [B]."""
+"""Size of a huge page, where ordinary ones have 4 kB [B]."""
 _MADV_COLLAPSE = 25
 _PRIVATE = re.compile(
     r"^(\w+)-(\w+) rw-p \w+ 00:00 0 *(?:\[heap\])?\n(?:.+\n){3}Rss: +(\d+) kB$", re.MULTILINE

@@ -41,7 +41,6 @@ from .mechanism.self_motion import IDLE, LATE, NONE_SPARE
 from .mechanism.wrench import ContactWrench, Wrist, WristMemory
 from .parameters import Parameters
 from .proximity.capsules import Capsules
-from .proximity.pairs import Shown
 from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, product, sizes, wrench_to
 from .state import ArmMemory
 from .stop.limiter import Commanded, Limited
@@ -564,26 +563,18 @@ class Arm:
         if retreat is None or state is None:
             return
         seen, leash = tick.seen, self.p.joints.leash
-        inputs, error = seen.inputs, seen.error
+        inputs, error, J = seen.inputs, seen.error, seen.kinematics.J
         q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         relieving = tick.by_joint and bool(tick.twists["force"].any())
         held_up: Array | float = 0.0
         if held:
             held_up = np.where(2.0 * np.abs(error) > leash, np.sign(error), 0.0)
         state, dq = retreat.step(
-            state,
-            q,
-            tick.dq_asked,
-            seen.kinematics.J,
-            inputs.pushed,
-            now_s,
-            held,
-            relieving,
-            held_up,
+            state, q, tick.dq_asked, J, inputs.pushed, now_s, held, relieving, held_up
         )
-        tick.retreat, tick.dq_asked = (
-            retreat.yielded(state, dq, error, leash) if held else (state, dq)
-        )
+        if held:
+            state, dq = retreat.yielded(state, dq, error, leash)
+        tick.retreat, tick.dq_asked = state, dq
 
     def motion_commanded(self, twists: Mapping[str, Array], inputs: Inputs) -> bool:
         """Return whether anything but accommodation tells the arm to move.
@@ -624,7 +615,6 @@ class Arm:
         self,
         memory: ArmMemory,
         tick: ArmTick,
-        shown: Shown | None,
         limited: Limited,
         part: slice,
     ) -> ArmMemory:
@@ -641,7 +631,7 @@ class Arm:
             station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
         lately = 0.0 if inputs.intent is Intent.SEED else LATELY * memory.max_tool_acceleration
         tick.task = self._advanced(tick, limited.stopped)
-        tick.motion, tick.shown, tick.stop_worsened = motion, shown, limited.worsened
+        tick.motion, tick.stop_worsened = motion, limited.worsened
         tick.command, tick.refusal = actuated.command, actuated.refusal
         tick.limits += (("verified_stop",) if limited.stopped else ()) + actuated.limits
         tick.at_rest, tick.at_goal = motion.stands(STANDING), self._at_goal(tick)

@@ -121,7 +121,7 @@ class Control:
                 tick = arm.solve(last, each[i], given)
             arm.before_barriers(tick, beside)
             asked.append(tick)
-        watch, shown = self.allow.nearest(
+        watch = self.allow.nearest(
             asked, commanded.motion, memory.levels, self._bases(inputs), [one.link for one in on]
         )
         bodies = self._of_bodies(asked)
@@ -129,7 +129,7 @@ class Control:
         refusal = self.gate.refusal(limited.motion.q, commanded.sent)
         nexts = []
         for arm, last, tick, part in zip(self.arms, memory.arms, asked, self.parts, strict=True):
-            nexts.append(arm.finish(last, tick, shown, limited, part))
+            nexts.append(arm.finish(last, tick, limited, part))
             tick.refusal = tick.refusal if refusal is None else refusal
         if on:
             finish(on, told, nexts, asked)

@@ -12,6 +12,7 @@ is a budget of time in each tick; what is left over waits for the next one.
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Final
@@ -31,10 +32,9 @@ REST: Final = tuple(x for x in (*t.COMMANDS, *t.REQUESTS) if x not in FIRST)
 """Sorted in turn, as far as the budget allows."""
 
 HOLDERS: Final = frozenset(x.key for x in t.REQUESTS if x.needs_proof or x is t.PROTECTIVE_CLEAR)
-OTHERS: Final = frozenset((t.LEASE.key, t.PROTECTIVE_STOP.key))
 ORDERS: Final = frozenset(x.key for x in t.COMMANDS if x is not t.KEEPALIVE)
-KEEPALIVES: Final = frozenset((t.KEEPALIVE.key,))
-"""Keys whose messages are taken together."""
+"""Keys whose messages are taken as they were sent."""
+LEASES, STOPS, KEEPALIVES = ({x.key} for x in (t.LEASE, t.PROTECTIVE_STOP, t.KEEPALIVE))
 
 PART: Final = 0.1
 """Each of sorting, commands and sensors may take so much of a period [1]."""
@@ -142,7 +142,8 @@ class Inbox:
         """Return the requests: the holder's as they were sent, all others, and stops, which win."""
         if not self._waiting:
             return ()
-        return chain(self._in_order(self._take(HOLDERS)), self._take(OTHERS))
+        holders = self._in_order(self._take(HOLDERS))
+        return chain(holders, self._take(LEASES), self._take(STOPS))
 
     def commands(self) -> Iterable[QueuedMessage]:
         """Return the holder's commands: keepalives, then the others as they were sent."""
@@ -224,10 +225,10 @@ class Inbox:
         self._boxes[queued.topic.key].append(queued)
         self._waiting.add(queued.topic.key)
 
-    def _take(self, keys: frozenset[str]) -> list[QueuedMessage]:
-        """Return and forget what waits on some keys, key by key."""
+    def _take(self, keys: AbstractSet[str]) -> list[QueuedMessage]:
+        """Return and forget what waits on some keys."""
         messages: list[QueuedMessage] = []
-        for key in sorted(self._waiting & keys):
+        for key in self._waiting & keys:
             self._waiting.remove(key)
             messages += self._boxes[key]
             self._boxes[key].clear()

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..bodies.rates import ArmTick
 from ..joints import Joints, joined, parts_of
-from ..proximity.pairs import Shown
 from ..scene import Index
 from ..spatial import Array, Motion
 from .clearance import (
@@ -54,12 +53,11 @@ class ConstraintSet:
         levels: Levels,
         bases: Bases,
         links: Sequence[PayloadLink] = (),
-    ) -> tuple[ProximityQuery | None, Shown | None]:
+    ) -> ProximityQuery | None:
         """Tell each mechanism the rates nearest to those it asks for that all bounds allow.
 
         `motion`, `levels` and `bases` are as in `CollisionConstraint.watch`; those of `links` hold
-        one payload. Returns what is near, and the pairs to show; None where clearances are not
-        kept.
+        one payload. Returns what is near; None where clearances are not kept.
         """
         guard, beyond = self.guard, False
         bounded, shares, leashes = [], [], []
@@ -129,8 +127,11 @@ class ConstraintSet:
             shares, paces = least_of(tools, shares), least_of(tools, paces)
         self._hold_up(arms, dq, shares, paces, rows, groups)
         if guard is None or watch is None or broken is None:
-            return None, None
-        return watch, guard.shown(watch, broken)
+            return None
+        shown = guard.shown(watch, broken)
+        for arm in arms:
+            arm.shown = shown
+        return watch
 
     def _tools(self, arms: Sequence[ArmTick], *, of_paths: bool = False) -> Array:
         """Return the Jacobians (t, 6, n) of the tools, or of their paths."""
