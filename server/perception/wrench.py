@@ -531,10 +531,12 @@ class LoadMonitor:
             self._mark, self._since_s = here, time_s
             return
         hangs, for_s = abs(here.directions[0, 2]) >= VERTICAL, time_s - self._since_s
-        gain, unloaded = self._settings.gains["force"], self._read.unloaded
+        if for_s < (HANGS_S if hangs else STAYS_S):
+            return
+        gain = self._settings.gains["force"]
         rate = here.sizes * np.array([gain[:3].max(), gain[3:].max()])
         went = np.minimum(mark.backed(here.T), rate * for_s)
-        if for_s < (HANGS_S if hangs else STAYS_S) or unloaded is None or (went < STEP).all():
+        if (went < STEP).all() or (unloaded := self._read.unloaded) is None:
             return
         self._mark = None
         if (np.array(sizes(unloaded - self._zero)) > self._bounds).any():
