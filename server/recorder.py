@@ -357,7 +357,7 @@ def told(output: ArmTick) -> tuple[Any, ...]:
         output.q.tobytes(),
         output.dq.tobytes(),
         output.command.tobytes(),
-        output.seen.error.tobytes(),
+        output.error.tobytes(),
         output.twist.tobytes(),
         output.granted,
         output.found.sigma_min,

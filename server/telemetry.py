@@ -119,7 +119,7 @@ def snapshot(record: TickRecord, units: Units, admission: Admission) -> State | 
             return None
         q_command += output.motion.q.tolist()
         dq_command += output.motion.dq.tolist()
-        following_error += output.seen.error.tolist()
+        following_error += output.error.tolist()
         outputs.append(output)
         tasks.append(_of_task(record, unit, output, own.wrench))
     beside = {
@@ -161,8 +161,8 @@ def _of_task(
     commands, perception = unit.commands, unit.perception
     vision, frames, tick = unit.vision, perception.moving_frames, record.tick
     external, passage = perception.collisions.external, perception.passage
-    seen, found, task, held = output.seen, output.found, output.task, output.holding
-    near, settings = seen.near, commands.settings
+    found, task, held, wrench_mrf = output.found, output.task, output.holding, output.wrench
+    near, settings = output.near, commands.settings
     links = settings.links
     path, tunnel, payload = task.position.progress, settings.tunnel, settings.payload
     target, master, by_hand = commands.target, commands.master, commands.self_motion.goal
@@ -188,7 +188,7 @@ def _of_task(
         "frames": poses,
         "frame_age_ticks": ages,
         "target_mrf": None if target is None else target.to_xyz_rpy(),
-        "wrench_mrf": None if seen.wrench is None else tuple(seen.wrench.tolist()),
+        "wrench_mrf": None if wrench_mrf is None else tuple(wrench_mrf.tolist()),
         "wrench_sensor": None if wrench is None else tuple(wrench.tolist()),
         "gripper_closed": settings.gripper_closed,
         "payload": None if payload is None else (payload.mass, *payload.com.tolist()),

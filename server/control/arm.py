@@ -25,7 +25,6 @@ from .bodies.gantry import GantryArm
 from .bodies.rates import (
     IN_WORLD,
     NO_LEVER,
-    ArmMeasurement,
     ArmTick,
     Carrier,
     JointRates,
@@ -33,15 +32,15 @@ from .bodies.rates import (
 from .bodies.wheels import WheeledArm
 from .compiled import evolve
 from .hold import COMMANDED, MOVED, STANDS, Retreat, Stance, Standing
-from .inputs import Inputs, Intent, ObjectiveGains, Pursuit, Settings, VirtualLinks
+from .inputs import Inputs, Intent, Pursuit, Settings, VirtualLinks
 from .mechanism.model import Dynamics, Mechanism
 from .mechanism.redundancy import Field, LinkState, Redundancy, advance_offset, on_path
 from .mechanism.resolution import FOLDING, JointMotion, at_posture, bend, resolve
 from .mechanism.self_motion import IDLE, LATE, NONE_SPARE
-from .mechanism.wrench import ContactWrench, Wrist, WristMemory
+from .mechanism.wrench import ContactWrench, Wrist
 from .parameters import Parameters
 from .proximity.capsules import Capsules
-from .spatial import NO_TWIST, Array, Kinematics, Pose, nonzero, product, sizes, wrench_to
+from .spatial import NO_TWIST, Array, Pose, nonzero, product, sizes, wrench_to
 from .state import ArmMemory
 from .stop.limiter import Commanded, Limited
 from .task.source import Context, Granted
@@ -115,38 +114,32 @@ def swept(dq: Array, inputs: Inputs) -> Array:
 # --- Inputs of a task's sources in one tick, and telemetry of its goal ----------------------------
 
 
-def context_of(
-    off_path: Array | None, told: WristMemory, seen: ArmMeasurement, wrist: Wrist
-) -> Context:
-    """Return what the sources see.
-
-    The virtual link has the tool `off_path` (3,) [m], `told` is what the sensor of the `wrist`
-    told.
-    """
-    inputs, k = seen.inputs, seen.kinematics
+def context_of(tick: ArmTick, off_path: Array | None, wrist: Wrist) -> Context:
+    """Return what the sources see; the virtual link has the tool `off_path` (3,) [m]."""
+    inputs, k = tick.inputs, tick.kinematics
     moved = inputs.moved
     return Context(
         inputs=inputs,
-        moving=seen.moving,
-        guided=seen.moving and inputs.posture is None and inputs.jog is None,
+        moving=tick.moving,
+        guided=tick.moving and inputs.posture is None and inputs.jog is None,
         k=k,
-        twist=product(k.J, seen.commanded.motion.dq) + seen.below.twist,
-        lever=seen.lever,
+        twist=product(k.J, tick.commanded.motion.dq) + tick.below.twist,
+        lever=tick.lever,
         ground=None if moved is None else moved.body(inputs.ground),
         carried=None if moved is None else moved.carries(inputs.ground, k.T_world_mrf.p),
-        wrench=seen.wrench,
-        hand=seen.hand,
-        wrench_at=partial(wrist.contact.at_mrf, told.wrench),
-        load=told.load,
-        precedence=seen.precedence,
+        wrench=tick.wrench,
+        hand=tick.hand,
+        wrench_at=partial(wrist.contact.at_mrf, tick.wrist.wrench),
+        load=tick.wrist.load,
+        precedence=tick.precedence,
         off_path=off_path,
-        held=seen.held,
+        held=tick.held,
     )
 
 
-def quantities(wrist: WristMemory, inputs: Inputs, k: Kinematics, time_s: float) -> Quantities:
-    """Return what gains may depend on."""
-    wrench = wrist.wrench.wrench
+def quantities(tick: ArmTick, time_s: float) -> Quantities:
+    """Return what gains may depend on; the arm moves for a time [s]."""
+    inputs, k, wrench = tick.inputs, tick.kinematics, tick.wrist.wrench.wrench
     target = None if inputs.goal is None else _in_world(inputs, inputs.goal.T_world_target)
     way = None
     if target is not None:
@@ -278,27 +271,43 @@ class Arm:
         motion, mrf = commanded.motion, inputs.settings.T_wrist_mrf
         base = None if moved is None else moved.base.T
         k = self.mechanism.kinematics(motion.q, mrf, base)
-        task, objectives, since_s = self.tuned(memory, inputs, k, wrist)
-        links = None if self.links is None else self._links(memory, inputs, self.links)
         placed, near = None, memory.near
         if self.shared is not None and inputs.settings.avoid:
             placed = self.shared.place(motion.q[None], base)
         if self.p.priority is not None:
             near = self.p.priority.look(motion.q, inputs.scene, near, base)
         wrench, hand = self.wrist.contact.at_mrf(wrist.wrench, mrf)
-        # A new MRF is no new point of the tool: singularities and shaped rates are told there.
-        lever = product(k.T_world_wrist.R, self.p.T_wrist_tool.p - mrf.p)
-        held = None
+        tick = ArmTick(
+            inputs,
+            k,
+            T_world_wrist_measured,
+            commanded.sent[1] - inputs.q_measured,
+            commanded,
+            # A new MRF is no new point of the tool: singularities and rates are told there.
+            lever=product(k.T_world_wrist.R, self.p.T_wrist_tool.p - mrf.p),
+            wrench=wrench,
+            hand=hand,
+            wrist=wrist,
+            placed=placed,
+            near=near,
+            T_world_base=base,
+            below=carrier.at(k.T_world_mrf.p),
+            insertion=memory.insertion,
+            by_hand=memory.by_hand,
+            settled=inputs.at_posture,
+            retreat=memory.retreat,
+            grasp=memory.held,
+            resistance=memory.resistance,
+        )
+        self.tuned(memory, tick)
+        task = tick.task
+        if self.links is not None:
+            tick.links = self._links(memory, inputs, self.links)
         if task.held is not None:
             ranks = self.mechanism.held_ranks(task.held == 1.0, mrf)
-            held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
-        seen = ArmMeasurement(
-            inputs, k, T_world_wrist_measured, commanded.sent[1] - inputs.q_measured, commanded,
-            lever, wrench, hand, held, placed, near, base, carrier.at(k.T_world_mrf.p),
-        )  # fmt: skip
-        context = context_of(task.off_path, wrist, seen, self.wrist)
-        whole, folding = self._whole(seen, objectives)
-        if folding is not None:
+            tick.held = HeldAxes.of(task.held, k.T_world_mrf.R, ranks)
+        context = context_of(tick, task.off_path, self.wrist)
+        if (folding := self._whole(tick)) is not None:
             context = context._replace(folding=folding)
         task, twists = self.task.twists(task, context)
         take: Array | None = None
@@ -306,28 +315,12 @@ class Arm:
             task, take = self.task.eased(task, twists, context.wrench, k.T_world_mrf.R)
         if take is not None:
             twists = {**twists, "force": twists["force"] + take}
-        stance = self._stance(memory, task, twists, seen)
-        acting, settled = objectives, inputs.at_posture
-        if settled and stance.alert and self._roused(stance, inputs):
-            acting, settled = self.standing.of_outside(objectives), False
-        tick = ArmTick(
-            seen,
-            acting,
-            off_path=task.off_path,
-            links=links,
-            way=task.position.way if links is not None else NO_LEVER,
-            insertion=memory.insertion,
-            by_hand=memory.by_hand,
-            settled=settled,
-            twists=twists,
-            whole=whole,
-            stance=stance,
-            moving_since_s=since_s,
-            retreat=memory.retreat,
-            grasp=memory.held,
-            resistance=memory.resistance,
-        )
-        tick.wrist, tick.task, tick.gains = wrist, task, objectives
+        tick.task, tick.twists, tick.off_path = task, twists, task.off_path
+        if tick.links is not None:
+            tick.way = task.position.way
+        tick.stance = stance = self._stance(memory, tick)
+        if tick.settled and stance.alert and self._roused(stance, inputs):
+            tick.objectives, tick.settled = self.standing.of_outside(tick.gains), False
         self.led(tick)
         if take is not None:
             tick.limits += ("press",)
@@ -340,29 +333,27 @@ class Arm:
         """
         self._resolve(tick, carried)
         self._come_back(tick)
-        tick.dq_asked = swept(tick.dq_asked, tick.seen.inputs)
+        tick.dq_asked = swept(tick.dq_asked, tick.inputs)
         self._give_way(tick)
-        share = self.body.wall_scale(tick.found, tick.seen, tick.dq_asked)
+        share = self.body.wall_scale(tick)
         if share < 1.0:
             tick.dq_asked, tick.limits = share * tick.dq_asked, (*tick.limits, "wall")
 
     # --- gains -------------------------------------------------------------------------------
 
-    def tuned(
-        self, memory: ArmMemory, inputs: Inputs, k: Kinematics, wrist: WristMemory
-    ) -> tuple[TaskMemory, ObjectiveGains, float | None]:
-        """Return the task's memory, the objectives' gains in effect, and since when it moves [s].
+    def tuned(self, memory: ArmMemory, tick: ArmTick) -> None:
+        """Write to the tick the gains of sources and objectives, and since when the arm moves.
 
-        None: the arm may not move. Gains are scheduled, and ramped while it may. While an operator
-        moves the spare joints, only objectives that look at obstacles act.
+        Gains are scheduled, and ramped while the arm may move. While an operator moves the spare
+        joints, only objectives that look at obstacles act.
         """
-        settings, moving = inputs.settings, inputs.intent is Intent.MOVE
+        inputs, settings, moving = tick.inputs, tick.inputs.settings, tick.moving
         objectives = settings.objectives or self.redundancy.objectives
         since_s = memory.moving_since_s if memory.moving_since_s is not None else inputs.time_s
-        task = self.task.tuned(
+        tick.task = self.task.tuned(
             memory.task,
             settings.gains,
-            lambda: quantities(wrist, inputs, k, inputs.time_s - since_s),
+            lambda: quantities(tick, inputs.time_s - since_s),
             moving,
             settings.at_once,
             settings.held,
@@ -371,7 +362,8 @@ class Arm:
             objectives = self.standing.of_outside(objectives)
         if moving and memory.task.gains:
             objectives = self.redundancy.ramped(memory.objectives, objectives, self.task.part)
-        return task, objectives, since_s if moving else None
+        tick.gains = tick.objectives = objectives
+        tick.moving_since_s = since_s if moving else None
 
     def _links(self, memory: ArmMemory, inputs: Inputs, own: VirtualLinks) -> LinkState:
         """Return the virtual links in effect, `own` ones where no others were told.
@@ -393,17 +385,16 @@ class Arm:
 
     def led(self, tick: ArmTick) -> None:
         """Sum the sources' twists, or take joint rates where those are commanded."""
-        seen, inputs, twists = tick.seen, tick.seen.inputs, tick.twists
-        twist, k, q = summed(twists), seen.kinematics, seen.commanded.motion.q
+        inputs, twists = tick.inputs, tick.twists
+        twist, k, q = summed(twists), tick.kinematics, tick.commanded.motion.q
         left = twist
         if tick.whole:
             apart = {name: twists[name] - k.J @ z for name, z in tick.whole.items()}
             left = summed({**twists, **apart})  # what the others ask for is to the last bit
-        held = seen.held
-        if held is not None:
+        if (held := tick.held) is not None:
             # The rows belong to the MRF: singularities are judged there, too.
             twist, left = held.part(twist), held.part(left)
-            tick.seen = seen._replace(lever=NO_LEVER)
+            tick.lever = NO_LEVER
         factor = inputs.settings.speed_factor
         joint_rates: Array | None = None
         if inputs.intent is Intent.MOVE:
@@ -419,8 +410,8 @@ class Arm:
         if joint_rates is not None:
             relief = twists["force"]
             tick.twists = {**dict.fromkeys(twists, NO_TWIST), "force": relief}
-            if relief is not NO_TWIST and seen.wrench is not None:
-                joint_rates = self._relieved(joint_rates, relief, k.J, seen.wrench)
+            if relief is not NO_TWIST and tick.wrench is not None:
+                joint_rates = self._relieved(joint_rates, relief, k.J, tick.wrench)
             twist = k.J @ joint_rates
         tick.twist, tick.scale = twist, self.tool_share(twist, factor)
         if tick.scale < 1.0:
@@ -440,12 +431,10 @@ class Arm:
         if tick.by_joint:
             tick.found = JointRates(tick.dq_asked, self.redundancy.none())
             return
-        seen = tick.seen
-        inputs, k, held = seen.inputs, seen.kinematics, seen.held
+        inputs, k, held = tick.inputs, tick.kinematics, tick.held
         if carried is not NO_TWIST:
             tick.asked = tick.asked - (carried if held is None else held.part(carried))
         tick.found = found = self.body.rates(tick)
-        tick.held = held
         tick.dq_asked = found.dq
         for z in tick.whole.values():
             tick.dq_asked = tick.dq_asked + tick.scale * z
@@ -470,23 +459,22 @@ class Arm:
             tick.settled, tick.objectives = False, self.standing.of_outside(tick.objectives)
         going = tick.by_hand.going
         if len(going) > 0:
-            slides = bend(tick.seen.kinematics.J, going, going, 1.0)
+            slides = bend(tick.kinematics.J, going, going, 1.0)
             tick.asked = tick.asked - LATE * self.p.period_s * slides
 
-    def _whole(
-        self, seen: ArmMeasurement, objectives: ObjectiveGains
-    ) -> tuple[Mapping[str, Array], Array | None]:
-        """Return what is taken whole, and the twist (6,) of an arm that folds, at a gain of 1.
+    def _whole(self, tick: ArmTick) -> Array | None:
+        """Write what is taken whole; return the twist (6,) of an arm that folds, at a gain of 1.
 
         None: it does not fold, as joints that are led themselves.
         """
-        inputs, q, J = seen.inputs, seen.commanded.motion.q, seen.kinematics.J
+        inputs, q, J = tick.inputs, tick.commanded.motion.q, tick.kinematics.J
         fold = inputs.beside.fold
         led = inputs.posture is not None or inputs.jog is not None
-        if fold is None or led or not seen.moving:
-            return {}, None
+        if fold is None or led or not tick.moving:
+            return None
         z = self.joint_motion.folding(fold, q, J, inputs.settings.speed_factor)
-        return self.redundancy.whole(q, J, objectives, {FOLDING: z}), J @ z
+        tick.whole = self.redundancy.whole(q, J, tick.objectives, {FOLDING: z})
+        return np.asarray(J @ z)
 
     def _relieved(self, joint_rates: Array, relief: Array, J: Array, wrench: Array) -> Array:
         """Return commanded joint rates (n,) in contact: less of them into it, and what relieves it.
@@ -503,17 +491,11 @@ class Arm:
         most = float((self.p.joints.velocity / np.maximum(np.abs(back), 1e-12)).min())
         return np.asarray(joint_rates + min(speed / max(along, 1e-12), most) * back)
 
-    def _stance(
-        self,
-        memory: ArmMemory,
-        task: TaskMemory,
-        twists: dict[str, Array],
-        seen: ArmMeasurement,
-    ) -> Stance:
+    def _stance(self, memory: ArmMemory, tick: ArmTick) -> Stance:
         """Return how the arm meets what comes: as one that is told to move, or one that stands."""
-        q, T_world_mrf, inputs = seen.commanded.motion.q, seen.kinematics.T_world_mrf, seen.inputs
-        moving, pushed = seen.moving, inputs.pushed
-        if moving and self._told(task, twists, inputs):
+        q, T_world_mrf, inputs = tick.commanded.motion.q, tick.T_world_mrf, tick.inputs
+        moving, pushed = tick.moving, inputs.pushed
+        if moving and self._told(tick):
             return COMMANDED
         standing, station = self.standing, memory.station
         felt = pushed is not None and pushed.touched
@@ -524,11 +506,11 @@ class Arm:
         led = inputs.goal is not None
         if station is not None and standing.is_home(station, q, T_world_mrf.p, led):
             station = None
-        return standing.stance(station, q, seen.placed)
+        return standing.stance(station, q, tick.placed)
 
-    def _told(self, task: TaskMemory, twists: dict[str, Array], inputs: Inputs) -> bool:
+    def _told(self, tick: ArmTick) -> bool:
         """Return whether the arm is told to move; staying where a goal has led it is not."""
-        position = task.position
+        position, twists, inputs = tick.task.position, tick.twists, tick.inputs
         over = position.path is not None and position.path.finished
         if isinstance(inputs.goal, Pursuit) or not (over or inputs.paused):
             return self.motion_commanded(twists, inputs)
@@ -544,13 +526,13 @@ class Arm:
 
         Contact holds it: what is there now may not be known.
         """
-        stance, station, seen = tick.stance, tick.stance.station, tick.seen
+        stance, station = tick.stance, tick.stance.station
         if station is None:
             return
         tick.limits += ("off_station",)
         if tick.twists["position"] is NO_TWIST and max(sizes(tick.twists["force"])) < TOUCHING:
-            standing, factor, k = self.standing, seen.inputs.settings.speed_factor, seen.kinematics
-            back = standing.back(station, seen.commanded.motion.q, k.J, factor)
+            standing, factor, k = self.standing, tick.inputs.settings.speed_factor, tick.kinematics
+            back = standing.back(station, tick.commanded.motion.q, k.J, factor)
             if stance.tool_stays:
                 twist = factor * standing.tool_back(station, k.T_world_mrf)
                 found = resolve(k.J, twist, self.p.resolve, None, self.mechanism.rank)
@@ -562,9 +544,8 @@ class Arm:
         state, retreat = tick.retreat, self.retreat
         if retreat is None or state is None:
             return
-        seen, leash = tick.seen, self.p.joints.leash
-        inputs, error, J = seen.inputs, seen.error, seen.kinematics.J
-        q, now_s, held = seen.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
+        inputs, error, J, leash = tick.inputs, tick.error, tick.kinematics.J, self.p.joints.leash
+        q, now_s, held = tick.commanded.motion.q, inputs.time_s, inputs.intent is Intent.HOLD
         relieving = tick.by_joint and bool(tick.twists["force"].any())
         held_up: Array | float = 0.0
         if held:
@@ -602,12 +583,12 @@ class Arm:
 
     def before_barriers(self, tick: ArmTick, beside: bool) -> None:
         """Tell the barriers what they have to know; `beside` tells whether clearances are kept."""
-        seen, inputs = tick.seen, tick.seen.inputs
-        path = self.body.path(seen.kinematics, inputs.ground == "base")
-        if len(seen.below.dq) and (tick.by_joint or inputs.ground == "base"):
-            path = seen.kinematics.J
-        if tick.held is not None:
-            path = tick.held.keep @ (seen.whole(slice(0))[0] if path is None else path)
+        k, inputs, led = tick.kinematics, tick.inputs, not tick.by_joint
+        path = self.body.path(k, inputs.ground == "base")
+        if len(tick.below.dq) and not (led and inputs.ground != "base"):
+            path = k.J
+        if led and tick.held is not None:
+            path = tick.held.keep @ (tick.tool_jacobian(slice(0))[0] if path is None else path)
         tick.path = path
         tick.motion_commanded = not beside or self.motion_commanded(tick.twists, inputs)
 
@@ -623,29 +604,28 @@ class Arm:
         `memory` is the one that the tick began with; the arm's joints are a `part` of those that
         are `limited`.
         """
-        seen, inputs, motion = tick.seen, tick.seen.inputs, limited.motion.of(part)
-        actuated = self.actuate(memory.torque, seen, motion, tick.wrist.load)
-        station, found = tick.stance.station, tick.found
+        inputs, motion, found = tick.inputs, limited.motion.of(part), tick.found
+        tick.motion, tick.stop_worsened = motion, limited.worsened
+        tick.limits += ("verified_stop",) if limited.stopped else ()
+        torque = self.actuate(tick, memory.torque)
+        station = tick.stance.station
         leaves = inputs.at_posture and max(found.self_motion.norms.values(), default=0.0) > MOVED
         if station is None and tick.stance.alert and (tick.made_way or leaves):
-            station = self.standing.begun(seen.commanded.stop, seen.kinematics.T_world_mrf)
+            station = self.standing.begun(tick.commanded.stop, tick.T_world_mrf)
         lately = 0.0 if inputs.intent is Intent.SEED else LATELY * memory.max_tool_acceleration
         tick.task = self._advanced(tick, limited.stopped)
-        tick.motion, tick.stop_worsened = motion, limited.worsened
-        tick.command, tick.refusal = actuated.command, actuated.refusal
-        tick.limits += (("verified_stop",) if limited.stopped else ()) + actuated.limits
         tick.at_rest, tick.at_goal = motion.stands(STANDING), self._at_goal(tick)
-        tick.T_world_mrf_measured = seen.T_world_wrist_measured @ inputs.settings.T_wrist_mrf
+        tick.T_world_mrf_measured = tick.T_world_wrist_measured @ inputs.settings.T_wrist_mrf
         tick.bleeding = tick.task.force.bleeding
         tick.T_world_path = path_of_mrf(inputs, tick.task.position.T_world_path)
         return ArmMemory(
             objectives=tick.gains,
             task=tick.task,
             wrist=tick.wrist,
-            max_tool_acceleration=max(sizes(product(seen.kinematics.J, motion.ddq))[0], lately),
+            max_tool_acceleration=max(sizes(product(tick.kinematics.J, motion.ddq))[0], lately),
             moving_since_s=tick.moving_since_s,
-            near=seen.near,
-            torque=actuated.state,
+            near=tick.near,
+            torque=torque,
             retreat=tick.retreat,
             station=station,
             resistance=tick.resistance,
@@ -665,7 +645,7 @@ class Arm:
         return self.task.advanced(task, granted, off_path)
 
     def _at_goal(self, tick: ArmTick) -> bool:
-        inputs = tick.seen.inputs
+        inputs = tick.inputs
         if inputs.intent is not Intent.MOVE:
             return False
         if inputs.posture is not None:

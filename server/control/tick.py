@@ -106,19 +106,15 @@ class Control:
         on = [] if self.joint is None else self.joint.on(memory.arms, each, inputs)
         told, members = inputs, members_of(on)
         if on:
-            placed = {i: member.wanted.seen.inputs for i, member in members.items()}
-            inputs = [placed.get(i, given) for i, given in enumerate(inputs)]
+            inputs = [
+                members[i].inputs if i in members else given for i, given in enumerate(inputs)
+            ]
         asked: list[ArmTick] = []
         shared: dict[int, ArmTick] = {}
         for torso in self.torsos:
             shared.update(torso.solve(self.arms, memory.arms, each, inputs))
         for i, (arm, last, given) in enumerate(zip(self.arms, memory.arms, inputs, strict=True)):
-            if i in members:
-                tick = members[i].wanted
-            elif i in shared:
-                tick = shared[i]
-            else:
-                tick = arm.solve(last, each[i], given)
+            tick = members.get(i) or shared.get(i) or arm.solve(last, each[i], given)
             arm.before_barriers(tick, beside)
             asked.append(tick)
         watch = self.allow.nearest(
@@ -206,7 +202,7 @@ class Control:
         """Return what judges stops of all joints by what their bodies keep."""
         found = []
         for arm, part, tick in zip(self.arms, self.parts, asked, strict=True):
-            judge = arm.body.stop_constraint(tick.found.insertion, tick.seen)
+            judge = arm.body.stop_constraint(tick)
             if judge is not None:
                 found.append(judge if len(self.arms) == 1 else partial(_of_part, judge, part))
         return found

@@ -30,7 +30,7 @@ from ...config.load import Cell
 from .arm import Arm
 from .axes import HeldAxes
 from .barriers.rows import JointLimits
-from .bodies.rates import ArmMeasurement, ArmTick, Carrier
+from .bodies.rates import ArmTick, Carrier
 from .compiled import evolve
 from .inputs import Inputs
 from .mechanism.redundancy import shifted
@@ -123,10 +123,10 @@ class Torso:
         """Return what `Arm.solve` does of the torso and of all that it carries, by their places."""
         c, *on = self.tree.tolist()
         own = arms[c].solve(memories[c], each[c], inputs[c])
-        seen, k, dq = own.seen, own.seen.kinematics, each[c].motion.dq
+        k, dq = own.kinematics, each[c].motion.dq
         carrier = Carrier(self._joints, k.T_world_mrf.p, k.J, dq)
         asked = {i: arms[i].ask(memories[i], each[i], inputs[i], carrier) for i in on}
-        if seen.moving:
+        if own.moving:
             twists = {i: tick.asked for i, tick in asked.items()}
             if own.by_joint or nonzero(own.twist):
                 # What the arms cannot answer: the torso goes no further than their tools allow.
@@ -134,35 +134,35 @@ class Torso:
                 twists = {i: _left(twists[i], answers[i], own.dq_asked) for i in asked}
             else:
                 own.held = LED_BY_ARMS
-            own.dq_asked = own.dq_asked + self._shared(seen, asked, twists)
+            own.dq_asked = own.dq_asked + self._shared(own, asked, twists)
         return {c: own, **_answers(arms, asked, own.dq_asked)}
 
     def _shared(
-        self, seen: ArmMeasurement, asked: Mapping[int, ArmTick], twists: Mapping[int, Array]
+        self, own: ArmTick, asked: Mapping[int, ArmTick], twists: Mapping[int, Array]
     ) -> Array:
         """Return the rates (k,) of the torso's joints that serve tools' twists (6,) together."""
         each = [share_of(tick, twists[i]) for i, tick in asked.items()]
         shares = [share for share in each if share is not None]
         if not any(np.abs(share.twist).max() > RESIDUE for share in shares):
             return np.zeros(len(self._weight))
-        most = seen.inputs.settings.speed_factor * self._velocity
-        room = self._limits.limits(seen.commanded.motion.q)
+        most = own.inputs.settings.speed_factor * self._velocity
+        room = self._limits.limits(own.commanded.motion.q)
         low, high = np.maximum(room.low, -most), np.minimum(room.high, most)
         return shared_rates(shares, self._weight, low, high, self._length)
 
 
 def _left(twist: Array, answer: ArmTick, dq: Array) -> Array:
     """Return what an arm's answer leaves of its tool's twist (6,), with a torso's rates dq (k,)."""
-    seen, found = answer.seen, answer.found
+    found = answer.found
     twist = shifted(twist, found.give_way)
-    return np.asarray(twist - seen.below.J @ dq - seen.kinematics.J @ found.dq)
+    return np.asarray(twist - answer.below.J @ dq - answer.kinematics.J @ found.dq)
 
 
 def _answers(arms: Sequence[Arm], asked: Mapping[int, ArmTick], dq: Array) -> dict[int, ArmTick]:
     """Return what arms ask of their joints while a torso's go at dq (k,)."""
     found = {i: evolve(tick) for i, tick in asked.items()}
     for i, tick in found.items():
-        arms[i].answer(tick, tick.seen.below.J @ dq if tick.led_in_world else NO_TWIST)
+        arms[i].answer(tick, tick.below.J @ dq if tick.led_in_world else NO_TWIST)
     return found
 
 
@@ -174,11 +174,9 @@ def share_of(tick: ArmTick, twist: Array) -> Share | None:
     """
     if not tick.led_in_world:
         return None
-    seen = tick.seen
-    J, S = seen.kinematics.J, seen.below.J
-    if seen.held is not None:
-        return Share(seen.held.keep @ S, seen.held.keep @ J, seen.held.part(twist))
-    if not nonzero(seen.lever):
+    J, S, held, lever = tick.kinematics.J, tick.below.J, tick.held, tick.lever
+    if held is not None:
+        return Share(held.keep @ S, held.keep @ J, held.part(twist))
+    if not nonzero(lever):
         return Share(S, J, twist)
-    lever = seen.lever
     return Share(jacobian_at(S, lever), jacobian_at(J, lever), twist_at(twist, lever))

@@ -171,14 +171,14 @@ class PressedTool(ToolContact):
     def follow(self, output: ArmTick | None, by_joint: bool, mode: Mode) -> None:
         """Take in the tick before; `by_joint` says that the joints are commanded themselves."""
         moving = mode is Mode.ENABLED
-        lost = output is None or output.seen.wrench is None
+        lost = output is None or output.wrench is None
         if lost or not mode.energised or (moving and not by_joint):
             if self.watching:
                 self.rest()
             return
-        if output is None or output.seen.wrench is None or not (by_joint or self.watching):
+        if output is None or output.wrench is None or not (by_joint or self.watching):
             return
-        force_n = sizes(output.seen.wrench)[0]
+        force_n = sizes(output.wrench)[0]
         if not self.watching:
             self.watching, self.known_n = True, force_n
         self.known_n = min(self.known_n, force_n)
@@ -313,8 +313,8 @@ class ContactStability:
             self._forget()
             self._acting = self.share if settings.on["force"] else 1.0
             return self._acting
-        if output.seen.wrench is not None:
-            force = product(output.T_world_mrf_measured.R, output.seen.wrench[:3])
+        if output.wrench is not None:
+            force = product(output.T_world_mrf_measured.R, output.wrench[:3])
             size = math.sqrt(dot(force, force))
             touching = dot(force, self._normal) > FREE_N
             self._free_s = 0.0 if touching else self._free_s + self._period_s
@@ -501,7 +501,7 @@ class JamMonitor:
         if _size(asked[:3]) < SLOWEST:
             self._forget()
             return
-        T, wrench = output.T_world_mrf_measured, output.seen.wrench
+        T, wrench = output.T_world_mrf_measured, output.wrench
         force, moment = (NO_TWIST if wrench is None else wrench).reshape(2, 3) @ T.R.T
         behind = frozenset(x[len(LEASH) :] for x in output.limits if x.startswith(LEASH))
         self._seen.append(_Sample(asked[:3], asked[3:], force, moment, T, behind))

@@ -67,8 +67,8 @@ class Perception:
     ) -> None:
         """Update all monitors; `memory` and `output` are those of the tick before."""
         commands, settings, wrench = self._commands, self._commands.settings, None
-        if output is not None and output.seen.wrench is not None:
-            wrench = rotate_twist(output.T_world_mrf_measured.R, output.seen.wrench)
+        if output is not None and output.wrench is not None:
+            wrench = rotate_twist(output.T_world_mrf_measured.R, output.wrench)
         self._walls.update(memory, reading.q)
         if self.moving_frames.base is not None:
             self.moving_frames.base.take_inertial(reading.inertial)

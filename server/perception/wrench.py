@@ -189,6 +189,7 @@ AVERAGE_S = 0.2
 """The measured wrench is averaged over this time [s]."""
 NEWEST = 5
 """And over so many ticks where it is to be known how it changes [1]."""
+NO_BOUNDS = np.full(2, np.inf)
 
 
 @dataclass(frozen=True)
@@ -219,10 +220,11 @@ class WrenchMark:
 class AveragedWrench:
     """Average of the newest wrenches; below `bounds` (2,) [N, N·m] the tool counts as unloaded."""
 
-    def __init__(self, bounds: Array, period_s: float) -> None:
+    def __init__(self, most: int, bounds: Array = NO_BOUNDS) -> None:
+        """Build it for so many wrenches."""
         self._bounds = bounds
-        self._rows = np.zeros((max(2, round(AVERAGE_S / period_s)), 6))
-        """The newest wrenches, the last of them last."""
+        self.rows = np.zeros((most, 6))
+        """The newest wrenches, the last of them last; only the `count` last ones are known."""
         self.count = 0
         """So many of them are known [1]."""
 
@@ -232,7 +234,7 @@ class AveragedWrench:
 
     def add(self, wrench: Array) -> None:
         """Take in the wrench (6,) of a tick, in World axes."""
-        rows = self._rows
+        rows = self.rows
         rows[:-1] = rows[1:]
         rows[-1] = wrench
         self.count = min(self.count + 1, len(rows))
@@ -262,7 +264,7 @@ class AveragedWrench:
 
     def _mean(self, newest: int) -> Array:
         """Return the mean (6,) of so many wrenches, nothing of none."""
-        return np.asarray(self._rows[-newest:].mean(axis=0)) if newest else np.zeros(6)
+        return np.asarray(self.rows[-newest:].mean(axis=0)) if newest else np.zeros(6)
 
 
 # --- Load monitor: tells contact from a load that nobody explained, before force control acts on it
@@ -340,12 +342,12 @@ class LoadMonitor:
         `read` knows what the sensor reads, `damping` is that of following a hand [N·s/m].
         """
         self._read, self._events, self._settings = read, events, settings
-        self._bounds = np.full(2, np.inf)
+        self._bounds = NO_BOUNDS
         if sensor is not None:
             self._bounds = np.array([sensor.unexplained_force, sensor.unexplained_moment])
         self._idle = sensor is None
         self._damping = damping
-        self._measured = AveragedWrench(self._bounds, period_s)
+        self._measured = AveragedWrench(max(2, round(AVERAGE_S / period_s)), self._bounds)
         self.trust, self._until_s = LoadTrust.EXPLAINED, 0.0
         self._mark: WrenchMark | None = None
         self._falls = self._vouched = False
@@ -523,7 +525,7 @@ class LoadMonitor:
         lapsed = time_s > self._watched_s + WATCHED_S
         self._watched_s = time_s + WATCHED_S
         mark, here = self._mark, self._measured.mark(output)
-        inputs = output.seen.inputs
+        inputs = output.inputs
         led = output.by_joint or inputs.wrench_desired.any() or inputs.drive != STILL_DRIVE
         others = led or others_ask(output.twists, FORCE)
         grown = DRIFT * (time_s - self._since_s)
@@ -643,8 +645,8 @@ class UnchangingForce:
         self._settings, self._events = settings, events
         self._deadband = np.array([section.deadband, section.moment_deadband])
         self._per_s = 1.0 / (BLOCK * period_s)
-        self._newest: deque[Array] = deque(maxlen=BLOCK)
-        self._blocks: deque[Array] = deque(maxlen=round(STAYS_S * self._per_s))
+        self._newest = AveragedWrench(BLOCK)
+        self._blocks = AveragedWrench(round(STAYS_S * self._per_s))
         self._ticks = 0
         self._T_wrist_mrf: Pose | None = None
         self._learned = np.zeros(6)
@@ -670,7 +672,7 @@ class UnchangingForce:
         else:
             if output.T_wrist_mrf is not self._T_wrist_mrf:
                 self._carry(output)
-            self._newest.append(wrench)
+            self._newest.add(wrench)
             self._ticks += 1
             if self._ticks % BLOCK == 0:
                 self._learn(mode.energised and trust is not LoadTrust.SETTLING)
@@ -696,24 +698,24 @@ class UnchangingForce:
         if before is None or np.array_equal(before.p, now.p):
             return
         lever = output.T_world_mrf_measured.R @ now.R.T @ (before.p - now.p)
-        for wrench in (self._learned, *self._newest, *self._blocks):
+        for wrench in (self._learned, *self._newest.rows, *self._blocks.rows):
             wrench[3:] += cross(lever, wrench[:3])
         self._know(self._learned)
 
     def _learn(self, followed: bool) -> None:
         """Take in one more block of the newest wrenches."""
-        newest = np.mean(self._newest, axis=0)
-        self._blocks.append(newest)
+        newest = self._newest.mean()
+        self._blocks.add(newest)
         if not followed:
             # The brakes hold, or a load is told: what is read now is there before it is followed.
-            self._know(newest.copy())
+            self._know(newest)
             return
         force, up = sizes(newest)[0], abs(float(newest[2]))
         hangs = force <= self._deadband[0] or up >= VERTICAL * force
         count = round((HANGS_S if hangs else STAYS_S) * self._per_s)
-        if len(self._blocks) < count:
+        if self._blocks.count < count:
             return
-        last = np.array(self._blocks)[-count:]
+        last = self._blocks.rows[-count:]
         off = np.linalg.norm((last - newest).reshape(count, 2, 3), axis=2).max(axis=0)
         leads = self._settings.gains["following"].reshape(2, 3).any(axis=1)
         if not (leads & (off > STEADY * self._deadband)).any():

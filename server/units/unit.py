@@ -287,7 +287,7 @@ class Unit:
         reader = self.arm.mechanism.arm_angle
         if reader is None or self.output is None:
             return None
-        angle = reader.look(self.output.seen.kinematics).angle
+        angle = reader.look(self.output.kinematics).angle
         return None if math.isnan(angle) else angle
 
     def holding(self, q: Array) -> Array:
@@ -393,7 +393,7 @@ class Unit:
         self.memory, self.output = memory, output
         if commands.reflector is not None:
             commands.reflector.reflect(
-                output.seen.wrench,
+                output.wrench,
                 output.task.gains,
                 output.T_world_mrf_measured.R,
                 commands.master.translation,

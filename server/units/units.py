@@ -591,7 +591,7 @@ class Units:
         for unit in self.each:
             if unit.output is None:
                 return None
-            errors.append(unit.output.seen.error)
+            errors.append(unit.output.error)
         return errors[0] if len(errors) == 1 else np.concatenate(errors)
 
     @property

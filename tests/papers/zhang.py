@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.rig import RigBridgeSection
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.mechanism.potentials import manipulability_slope
@@ -94,8 +94,8 @@ def errors(arm: Arm, ahead_m: float, sign: float = 1.0) -> Array:
         if i == STEPS:
             break
         told = Commanded.at_rest(q)
-        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
-        request = ArmTick(seen, arm.redundancy.objectives, sign * K * e)
+        request = ArmTick(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
+        request.objectives, request.asked = arm.redundancy.objectives, sign * K * e
         q = q + STEP_S * arm.body.rates(request).dq
         base = ROLLING.roll(base, q[:2])
     return np.array(found)

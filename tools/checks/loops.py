@@ -207,10 +207,9 @@ DIRECTIONS = tuple(f"{sign}{axis}" for axis in "xyz" for sign in "+-")
 
 def joint_tasks(cell: Cell) -> Iterator[Finding]:
     """Judge every joint task of a cell; none in a cell without any."""
-    names = [part.config.mechanism.name for part in cell.parts]
     arms = [Arm.of(part) for part in cell.parts] if cell.joint_tasks else []
     for section in cell.joint_tasks:
-        task = JointTask(section, arms, [names.index(name) for name in section.by])
+        task = JointTask(cell, section, arms)
         start = [np.array(cell.parts[i].config.mechanism.postures["start"]) for i in task.members]
         off = task.grips.misfit(start)
         otherwise = Severity.ERROR if section.at_start else Severity.WARN

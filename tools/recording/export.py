@@ -86,7 +86,7 @@ def _row(cell: Cell, tick: Replayed) -> dict[str, Array]:
     for part, inputs, output in zip(cell.parts, tick.inputs, tick.outputs, strict=True):
         of = part.prefix
         row[f"state.{of}pose_mrf"] = np.array(output.T_world_mrf_measured.to_xyz_rpy())
-        row[f"state.{of}wrench_mrf"] = six if output.seen.wrench is None else output.seen.wrench
+        row[f"state.{of}wrench_mrf"] = six if output.wrench is None else output.wrench
         sensor = inputs.wrench_sensor
         row[f"state.{of}wrench_sensor"] = six if sensor is None else sensor
         row[f"action.{of}twist"] = output.twist

@@ -220,9 +220,9 @@ def _arm(
     if output is None or after is None:
         return
     yield _line("joints commanded", _numbers(output.q))
-    yield _line("following error", _numbers(output.seen.error))
-    if output.seen.wrench is not None:
-        yield _line("wrench at the MRF", _numbers(output.seen.wrench))
+    yield _line("following error", _numbers(output.error))
+    if output.wrench is not None:
+        yield _line("wrench at the MRF", _numbers(output.wrench))
     yield "1 sources, 2 sum"
     for name, twist in output.twists.items():
         if float(np.abs(twist).max()) > SMALL:

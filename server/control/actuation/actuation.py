@@ -1,15 +1,15 @@
 """Setpoints of the drives for a commanded motion: positions, speeds or torques."""
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from ..bodies.rates import ArmMeasurement
+from ..bodies.rates import ArmTick
 from ..compiled import VECTOR, compiled
 from ..inputs import Intent, Payload
 from ..joints import Joints
 from ..mechanism.model import Dynamics
-from ..spatial import GRAVITY, Array, Motion
+from ..spatial import GRAVITY, Array
 from ..stop.limiter import TOLERANCE
 from .torque import TorqueLaw, Torques, TorqueState
 
@@ -20,33 +20,20 @@ from .torque import TorqueLaw, Torques, TorqueState
 # gate refuses a posture.
 
 
-class Actuated(NamedTuple):
-    """A command (n,) in the drives' unit, and why it may not be sent, if so."""
-
-    command: Array
-    state: TorqueState | None
-    refusal: str | None = None
-    limits: tuple[str, ...] = ()
-
-
 class Actuation(Protocol):
     """One operation mode."""
 
-    def __call__(
-        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None, /
-    ) -> Actuated:
-        """Return what to send for the motion `after` this tick.
+    def __call__(self, tick: ArmTick, state: TorqueState | None, /) -> TorqueState | None:
+        """Write to the tick what to send for its motion, what limits that, and what refuses it.
 
-        `load` (10,) is the payload and bias in effect, see `wrench.load_of`; None: the URDF's tool.
+        `state` is the memory of a torque law; returns the next one.
         """
         ...
 
 
-def by_position(
-    _state: TorqueState | None, _seen: ArmMeasurement, after: Motion, _load: Array | None
-) -> Actuated:
+def by_position(tick: ArmTick, _state: TorqueState | None) -> None:
     """CSP: the commanded posture."""
-    return Actuated(after.q, None)
+    tick.command = tick.q
 
 
 class BySpeed:
@@ -57,12 +44,10 @@ class BySpeed:
         self._joints, self._gain = joints.names, gain
         self._most = (1.0 + TOLERANCE) * joints.velocity + gain * joints.following_window
 
-    def __call__(
-        self, _state: TorqueState | None, seen: ArmMeasurement, after: Motion, _load: Array | None
-    ) -> Actuated:
-        """Return the speeds (n,) [rad/s]."""
-        command = after.dq + self._gain * seen.error
-        return Actuated(command, None, _beyond(self._joints, command, self._most, "speed", "rad/s"))
+    def __call__(self, tick: ArmTick, _state: TorqueState | None) -> None:
+        """Send the speeds (n,) [rad/s]."""
+        tick.command = tick.dq + self._gain * tick.error
+        tick.refusal = _beyond(self._joints, tick.command, self._most, "speed", "rad/s")
 
 
 class OnWheels:
@@ -71,13 +56,10 @@ class OnWheels:
     def __init__(self, by_speed: BySpeed) -> None:
         self._by_speed = by_speed
 
-    def __call__(
-        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None
-    ) -> Actuated:
-        """Return the wheels' speeds [rad/s], and the arm's posture [rad] (n,)."""
-        found = self._by_speed(state, seen, after, load)
-        command = np.concatenate((found.command[:2], after.q[2:]))
-        return found._replace(command=command)
+    def __call__(self, tick: ArmTick, state: TorqueState | None) -> None:
+        """Send the wheels' speeds [rad/s], and the arm's posture [rad] (n,)."""
+        self._by_speed(tick, state)
+        tick.command = np.concatenate((tick.command[:2], tick.q[2:]))
 
 
 class ByTorque:
@@ -103,32 +85,31 @@ class ByTorque:
         self._joints, self._most = joints, most
         self._step = (1.0 + TOLERANCE) * most_step
 
-    def __call__(
-        self, state: TorqueState | None, seen: ArmMeasurement, after: Motion, load: Array | None
-    ) -> Actuated:
-        """Return the torques (n,) [N·m]."""
-        offset, inputs = np.zeros(6), seen.inputs
+    def __call__(self, tick: ArmTick, state: TorqueState | None) -> TorqueState | None:
+        """Send the torques (n,) [N·m]."""
+        offset, inputs, load = np.zeros(6), tick.inputs, tick.wrist.load
         if self._wrench_of_bias is not None and load is not None:
             self._carry(load[:4])
             offset = self._wrench_of_bias @ load[4:]
         kept, torques = self._law.step(
             state,
             inputs.q_measured,
-            seen.commanded.motion,
-            after,
-            seen.kinematics,
-            None if seen.hand is None else -seen.hand,
+            tick.commanded.motion,
+            tick.motion,
+            tick.kinematics,
+            None if tick.hand is None else -tick.hand,
             inputs.settings.T_wrist_mrf,
             inputs.time_s,
             inputs.intent is Intent.SEED,
             offset,
         )
-        tau = torques.tau
-        refusal = _beyond(self._joints, tau, self._most, "torque", "N·m")
-        if refusal is None and state is not None:
+        tick.command = tau = torques.tau
+        tick.limits += self._told(torques)
+        tick.refusal = _beyond(self._joints, tau, self._most, "torque", "N·m")
+        if tick.refusal is None and state is not None:
             step = tau - state.tau
-            refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
-        return Actuated(tau, kept, refusal, self._told(torques))
+            tick.refusal = _beyond(self._joints, step, self._step, "torque step", "N·m")
+        return kept
 
     def _carry(self, load: Array) -> None:
         """Let the law's dynamics have a payload (4,): mass [kg], and it times the centre [kg·m]."""

@@ -11,7 +11,7 @@ from ....config.errors import ConfigError
 from ....config.load import Cell
 from ....config.schema.mechanism import BackboneSection
 from ..bodies.body import Builder, SerialArm
-from ..bodies.rates import ArmMeasurement, ArmTick, Following, Insertion, JointRates
+from ..bodies.rates import ArmTick, Following, Insertion, JointRates
 from ..compiled import NUMBER, TABLE, VECTOR, compiled, evolve
 from ..inputs import DriveRequest, Intent, Settings, ToldTunnel
 from ..mechanism.model import Mechanism
@@ -526,14 +526,14 @@ class BackboneArm(SerialArm):
 
         An arm with a joint that is locked may withdraw, and nothing else.
         """
-        seen, inputs, drive = request.seen, request.seen.inputs, request.seen.inputs.drive
-        (q, *_), _, sent = seen.commanded
+        inputs, drive = request.inputs, request.inputs.drive
+        (q, *_), _, sent = request.commanded
         if inputs.intent is Intent.SEED:
             return self._along(np.zeros(len(q)), None, ())
         insertion = self.backbone.followed(request.insertion, q, (sent[1], inputs.q_measured))
         if insertion is None:
             return self._along(np.zeros(len(q)), None, ("off_backbone",))
-        if seen.moving:
+        if request.moving:
             insertion = self.backbone.ramped(insertion, drive, inputs.settings.speed_factor)
         else:
             insertion = insertion._replace(speed=0.0)
@@ -547,8 +547,8 @@ class BackboneArm(SerialArm):
         head = self.backbone.head(q)
         twist = float(head @ request.asked[:3]) if free <= self._rank else 0.0
         share = 1.0
-        if seen.wrench is not None:
-            push = seen.kinematics.T_world_mrf.R @ seen.wrench[:3]
+        if request.wrench is not None:
+            push = request.T_world_mrf.R @ request.wrench[:3]
             share = self.backbone.gives_way(insertion.speed, push, head)
         forward, granted = twist + insertion.speed, twist + share * insertion.speed
         if back_only:
@@ -569,11 +569,10 @@ class BackboneArm(SerialArm):
 
     def _tail(self, request: ArmTick, insertion: Insertion) -> JointRates:
         """Return the rates of what is beyond the exit; the joints inside stand."""
-        k, inside = request.seen.kinematics, insertion.beyond
+        k, inside = request.kinematics, insertion.beyond
         J = k.J.copy()
         J[:, :inside] = 0.0
-        seen = request.seen._replace(kinematics=k._replace(J=J))
-        found = self._resolver.rates(evolve(request, seen=seen))
+        found = self._resolver.rates(evolve(request, kinematics=k._replace(J=J)))
         dq = found.dq.copy()
         dq[:inside] = 0.0
         return found._replace(dq=dq, insertion=insertion._replace(speed=0.0), n_locked=inside)
@@ -587,11 +586,12 @@ class BackboneArm(SerialArm):
         free = 0 if insertion is None else self.backbone.chain.n - insertion.beyond
         return max(0, free - self._rank)
 
-    def wall_scale(self, found: JointRates, seen: ArmMeasurement, dq: Array) -> float:
-        """Return the share of rates dq (n,) along the curve that keeps measured links off walls."""
-        if found.insertion is None or not found.synchronized:
+    def wall_scale(self, tick: ArmTick) -> float:
+        """Return the share of rates along the curve that keeps measured links off walls."""
+        q, insertion = tick.commanded.motion.q, tick.found.insertion
+        if insertion is None or not tick.found.synchronized:
             return 1.0
-        return self.backbone.kept_off(found.insertion, seen.commanded.motion.q, seen.error, dq)
+        return self.backbone.kept_off(insertion, q, tick.error, tick.dq_asked)
 
     def arrived(self, insertion: Insertion | None, drive: DriveRequest) -> bool | None:
         """Return whether the tip is at the depth that a drive leads it to, if it does."""
@@ -615,12 +615,10 @@ class BackboneArm(SerialArm):
 
     # --- the promise along a stop --------------------------------------------------------------
 
-    def stop_constraint(
-        self, insertion: Insertion | None, seen: ArmMeasurement
-    ) -> StopConstraint | None:
+    def stop_constraint(self, tick: ArmTick) -> StopConstraint | None:
         """Return what judges stops of an arm that is on its curve."""
-        q = seen.commanded.motion.q
-        return None if insertion is None else partial(self.violation, insertion, q, seen.error)
+        q, insertion = tick.commanded.motion.q, tick.found.insertion
+        return None if insertion is None else partial(self.violation, insertion, q, tick.error)
 
     def violation(self, insertion: Insertion, q: Array, error: Array, stop: Stop) -> float:
         """Return by how much a stop brings links too near to the walls [m]; 0 for not.

@@ -72,7 +72,7 @@ class ConstraintSet:
         if groups:
             dq, shares, links = in_step(dq, self._counts, shares, shares, groups, links)
         watch, rows, broken = None, None, None
-        if guard is not None and arms[0].seen.inputs.settings.avoid:
+        if guard is not None and arms[0].inputs.settings.avoid:
             watch = guard.watch(arms, motion, levels, bases, dq)
             beside = guard.tool_shares(watch)
             if groups and min(beside) < 1.0:
@@ -101,7 +101,7 @@ class ConstraintSet:
             low = joined([rates.low for rates in bounded])
             high = joined([rates.high for rates in bounded])
             own = zip(arms, self._velocities, strict=True)
-            V = joined([arm.seen.inputs.pace * most for arm, most in own])
+            V = joined([arm.inputs.pace * most for arm, most in own])
             wheels = [
                 part.start
                 for part, arm in zip(self.parts, arms, strict=True)
@@ -137,7 +137,7 @@ class ConstraintSet:
         """Return the Jacobians (t, 6, n) of the tools, or of their paths."""
         J = np.zeros((len(arms), 6, len(self._tool)))
         for i, (arm, part) in enumerate(zip(arms, self.parts, strict=True)):
-            own, joints = arm.seen.whole(part)
+            own, joints = arm.tool_jacobian(part)
             if of_paths and arm.path is not None:
                 own = arm.path
             J[i][:, joints if own.shape[1] > self._counts[i] else part] = own
@@ -145,9 +145,9 @@ class ConstraintSet:
 
     def _bounded(self, i: int, arm: ArmTick) -> tuple[Within, Room | None]:
         """Return the rates of one mechanism inside its speed bounds, and its leash if needed."""
-        room, q = self.rooms[i], arm.seen.commanded.motion.q
-        V = arm.seen.inputs.pace * self._velocities[i]
-        rates = room.within(arm.dq_asked, V, q, arm.seen.error)
+        room, q = self.rooms[i], arm.commanded.motion.q
+        V = arm.inputs.pace * self._velocities[i]
+        rates = room.within(arm.dq_asked, V, q, arm.error)
         if rates.share < 1.0:
             arm.limits += ("joint_speed",)
         standing = arm.found.n_locked
@@ -155,7 +155,7 @@ class ConstraintSet:
             rates.low[:standing] = rates.high[:standing] = 0.0
         if not rates.beyond:
             return rates, None
-        dq, leash = rates.dq, room.leash(arm.seen.error)
+        dq, leash = rates.dq, room.leash(arm.error)
         arm.limits += self._reasons(i, room.limits(q).left_by(dq), "joint_limit")
         arm.limits += self._reasons(i, leash.left_by(dq), "leash")
         if arm.found.synchronized:
@@ -178,10 +178,10 @@ class ConstraintSet:
         left = []
         for i, arm in enumerate(arms):
             rates = dq if len(arms) == 1 else dq[self.parts[i]]
-            (_, before, _), _, sent = arm.seen.commanded
+            (_, before, _), _, sent = arm.commanded
             # The way of the command in the tick whose effect is measured now.
             share, joint, arm.resistance = self.rooms[i].resisted(
-                rates, before, sent[1] - sent[2], arm.seen.error, arm.resistance
+                rates, before, sent[1] - sent[2], arm.error, arm.resistance
             )
             # An arm that may not move gives way at most, and is not held up.
             left.append(share if arm.may_move else 1.0)

@@ -441,18 +441,18 @@ class CollisionConstraint:
         `motion` is that of all commanded joints (n,), `levels` are the best gaps so far of pairs
         that are below their bounds, `bases` those of all arms where any may move.
         """
-        clearance, (q, dq, _), first = self.clearance, motion, arms[0].seen
+        clearance, (q, dq, _), first = self.clearance, motion, arms[0]
         factor = first.inputs.settings.speed_factor
         fastest, speeds, rates = np.empty(len(asked)), [], []
         for arm, part in zip(arms, self._parts, strict=True):
-            J, joints = arm.seen.whole(part)
+            J, joints = arm.tool_jacobian(part)
             own = np.empty(J.shape[1])
             speed, rate = _ask(J, asked[joints], dq[joints], own)
             fastest[joints] = own
             speeds.append(speed)
             rates.append(rate)
         sight = clearance.look(
-            q, fastest, joined([arm.seen.error for arm in arms]), first.inputs.scene, factor,
+            q, fastest, joined([arm.error for arm in arms]), first.inputs.scene, factor,
             levels, bases, first.placed,
         )  # fmt: skip
         # Only an arm that is to move is led out of a bound; self-motion alone is no order.
@@ -467,8 +467,8 @@ class CollisionConstraint:
         gaps, room, closing = sight.near.rows, sight.room, (sight.near.speed, coming)
         rows = []
         for arm, part, walls in zip(arms, self._parts, self.walls, strict=True):
-            tool = _whole(*arm.seen.whole(part), len(q))
-            walled = walls.around(tool, arm.seen.kinematics.T_world_mrf.p)
+            tool = _whole(*arm.tool_jacobian(part), len(q))
+            walled = walls.around(tool, arm.kinematics.T_world_mrf.p)
             rows.append(clearance.braking.rows(gaps, room, closing, walled, factor, widen))
             gaps, room, closing = gaps[:0], room[:0], (coming[:0], coming[:0])
         return ProximityQuery(arms, q, sight, Rows.of_all(rows), tuple(speeds), coming)
@@ -493,14 +493,14 @@ class CollisionConstraint:
                 continue
             far = (gap - self._clearance) / (self._near_distance - self._clearance)
             bound = self._near_speed + min(1.0, max(0.0, far)) * (self._speed - self._near_speed)
-            shares.append(min(1.0, arm.seen.inputs.pace * bound / max(speed, 1e-12)))
+            shares.append(min(1.0, arm.inputs.pace * bound / max(speed, 1e-12)))
         return shares
 
     def slowed_to_limit(self, watch: ProximityQuery, dq: Array) -> Array:
         """Return rates dq (n,) at which no tool that makes way is faster than it may be."""
-        share, factor = 1.0, watch.arms[0].seen.inputs.settings.speed_factor
+        share, factor = 1.0, watch.arms[0].inputs.settings.speed_factor
         for arm, part, asked in zip(watch.arms, self._parts, watch.speeds, strict=True):
-            J, joints = arm.seen.whole(part)
+            J, joints = arm.tool_jacobian(part)
             speed = float(np.linalg.norm(J[:3] @ dq[joints]))
             most = max(asked, factor * self._speed)
             share = min(share, most / max(speed, 1e-12))
@@ -527,11 +527,11 @@ class CollisionConstraint:
         way = np.maximum(high - q, q - low)
         short = self.clearance.violation(watch.sight, duration_s, way, postures)
         for arm, walls in zip(watch.arms, self.walls, strict=True):
-            p = arm.seen.kinematics.T_world_mrf.p
-            if not walls.given or walls.far(p, arm.seen.inputs.settings.T_wrist_mrf, way):
+            p = arm.kinematics.T_world_mrf.p
+            if not walls.given or walls.far(p, arm.inputs.settings.T_wrist_mrf, way):
                 continue
             times = np.linspace(0.0, duration_s, 1 + max(1, math.ceil(duration_s / 0.05)))
-            mrf = arm.seen.inputs.settings.T_wrist_mrf
+            mrf = arm.inputs.settings.T_wrist_mrf
             short = max(short, walls.violation(p, mrf, postures(times), _poses(bases)))
         return short
 

@@ -21,7 +21,7 @@ from ..mechanism.self_motion import IDLE, SelfMotionByHand
 from ..parameters import Parameters
 from ..spatial import Array, Kinematics, Pose, jacobian_at, nonzero, pose_error, twist_at
 from ..stop.limiter import StopConstraint
-from .rates import NO_LEVER, ArmMeasurement, ArmTick, Insertion, JointRates
+from .rates import NO_LEVER, ArmTick, Insertion, JointRates
 
 # --- Joint rates of a twist, and what spare joints do beside --------------------------------------
 #
@@ -89,16 +89,16 @@ class Resolver:
 
         `whole`: objectives look at the tool as all joints move it, not at their own joints alone.
         """
-        seen, spare, view = request.seen, request.spare, None
-        q, inputs, held = seen.commanded.motion.q, seen.inputs, seen.held
+        spare, view, inputs, held = request.spare, None, request.inputs, request.held
+        q = request.commanded.motion.q
         shares = self._even if shares is None else shares
         if held is not None and shares is self._even:
             shares = Shares(held.rank)
-        k, D = judged_at(seen.kinematics, seen.lever), shares.D
+        k, D = judged_at(request.kinematics, request.lever), shares.D
         factor = inputs.settings.speed_factor
         if spare:
             view = self._field.look(
-                q, k, inputs.scene, request.objectives, seen.T_world_base, seen.placed, held
+                q, k, inputs.scene, request.objectives, request.T_world_base, request.placed, held
             )
         give_way, links = None, NO_DIRECTIONS
         if (state := request.links) is not None:
@@ -106,11 +106,11 @@ class Resolver:
             links = self._field.directions(state.links, R_mrf, R_crf, request.way)
             led = inputs.goal is not None
             give_way = self._field.give_way(view, state, request.off_path, led, factor, links)
-        task = self.resolve(q, k.J, shifted(request.asked, give_way), seen.lever, shares, held)
+        task = self.resolve(q, k.J, shifted(request.asked, give_way), request.lever, shares, held)
         dq, self_motion, felt = task.dq, self._redundancy.none(), None
         if spare:
             plain, J = task.null, k.J if self._own is None or whole else self._own * k.J
-            near = None if self._priority is None else seen.near
+            near = None if self._priority is None else request.near
             if view is not None or near is not None:
                 plain = _spanned(task.null, D)
             downhill, felt = self._field.self_motion(view, plain)
@@ -125,7 +125,7 @@ class Resolver:
             self_motion = self._redundancy.rate(at, request.objectives, factor, D, self._own)
             dq = dq + self_motion.dq
         limits = ("singularity",) if task.singular else ()
-        by_hand = request.by_hand if seen.moving else IDLE
+        by_hand = request.by_hand if request.moving else IDLE
         found = JointRates(
             dq, self_motion, task.sigma_min, limits, felt, give_way, links, by_hand=by_hand
         )
@@ -140,12 +140,11 @@ class Resolver:
         the field's gain follows, joints then lag behind no least that moves: they depend on where
         the tool is, and not on how it came there (Wang and Kumar 2001).
         """
-        seen = request.seen
-        settings, scene = seen.inputs.settings, seen.inputs.scene
+        settings, scene = request.inputs.settings, request.inputs.scene
         time_s = min(1.0 / request.objectives.gains["field"], MOST_AHEAD_S)
-        q = begin = seen.commanded.motion.q + time_s * dq_task
-        k = aim = self._mechanism.kinematics(q, settings.T_wrist_mrf, seen.T_world_base)
-        R, held = seen.kinematics.T_world_mrf.R, seen.held
+        q = begin = request.commanded.motion.q + time_s * dq_task
+        k = aim = self._mechanism.kinematics(q, settings.T_wrist_mrf, request.T_world_base)
+        R, held = request.kinematics.T_world_mrf.R, request.held
         for _ in range(self._field.search):
             turned = None if held is None else held.seen(k.T_world_mrf.R @ R.T)
             error = pose_error(aim.T_world_mrf, k.T_world_mrf)
@@ -153,13 +152,13 @@ class Resolver:
                 error = turned.error(error)
             task = self.resolve(q, k.J, error, NO_LEVER, shares, turned)
             there = self._field.look(
-                q, k, scene, request.objectives, seen.T_world_base, None, turned
+                q, k, scene, request.objectives, request.T_world_base, None, turned
             )
             step = self._field.self_motion(there, _spanned(task.null, shares.D))[0]
             if step is not None:
                 q = q + step / max(1.0, float(np.abs(step).max()) / MOST_STEP)
             q = np.clip(q + task.dq, self._lower, self._upper)
-            k = self._mechanism.kinematics(q, settings.T_wrist_mrf, seen.T_world_base)
+            k = self._mechanism.kinematics(q, settings.T_wrist_mrf, request.T_world_base)
         return np.asarray(q - begin)
 
     def _led(self, found: JointRates, k: Kinematics, null: Array, request: ArmTick) -> JointRates:
@@ -167,11 +166,10 @@ class Resolver:
 
         The more avoiding comes before a hand's force, the less of it.
         """
-        seen = request.seen
-        asked, factor = seen.inputs.self_motion, seen.inputs.settings.speed_factor
-        share = 1.0 - seen.precedence
+        asked, factor = request.inputs.self_motion, request.inputs.settings.speed_factor
+        share = 1.0 - request.precedence
         answer = self.by_hand.step(
-            k, null, asked, request.by_hand, found.dq, factor, share, seen.held
+            k, null, asked, request.by_hand, found.dq, factor, share, request.held
         )
         self_motion = found.self_motion._replace(dq=found.self_motion.dq + answer.dq)
         return found._replace(
@@ -291,13 +289,11 @@ class SerialArm:
         """Return the Jacobian (6, n) of the path that barriers spare; None: that of the tool."""
         return None
 
-    def wall_scale(self, found: JointRates, seen: ArmMeasurement, dq: Array) -> float:
-        """Return the share (0 to 1) of rates dq (n,) that keeps the measured links off walls."""
+    def wall_scale(self, tick: ArmTick) -> float:
+        """Return the share (0 to 1) of the rates asked for that keeps measured links off walls."""
         return 1.0
 
-    def stop_constraint(
-        self, insertion: Insertion | None, seen: ArmMeasurement
-    ) -> StopConstraint | None:
+    def stop_constraint(self, tick: ArmTick) -> StopConstraint | None:
         """Return what judges stops of the joints; None: nothing of its own."""
         return None
 

@@ -93,56 +93,6 @@ IN_WORLD: Final = Carrier(slice(0, 0), NO_LEVER, np.zeros((6, 0)), np.zeros(0))
 """What an arm stands on that stands in World."""
 
 
-class ArmMeasurement(NamedTuple):
-    """What one arm is given in a tick: its inputs, where it is, what it exerts, what is near."""
-
-    inputs: Inputs
-    kinematics: Kinematics
-    """Of the commanded posture."""
-    T_world_wrist_measured: Pose
-    error: Array
-    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
-    commanded: Commanded
-    """What its joints were last told."""
-    lever: Array = NO_LEVER
-    """From the MRF to the point of the tool at which singularities are judged, and whose rates are
-    shaped: where the MRF was at start (3,) [m]. A new MRF is no new point."""
-    wrench: Array | None = None
-    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
-    hand: Array | None = None
-    """The same of the mean readings."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all."""
-    placed: Placed | None = None
-    """Its links at the commanded posture, where they are known already."""
-    near: Near | None = None
-    """Obstacles near its control points; None in a cell without any."""
-    T_world_base: Pose | None = None
-    """Where a Base that moves is; None: Base stands."""
-    below: Carrier = IN_WORLD
-    """What Base stands on, at the MRF."""
-
-    def whole(self, part: slice) -> tuple[Array, slice | Index]:
-        """Return the tool's Jacobian (6, m) in all joints that move it, and where those are.
-
-        The arm's own are a `part` of the cell's.
-        """
-        if not len(self.below.dq):
-            return self.kinematics.J, part
-        J = np.concatenate((self.below.J, self.kinematics.J), axis=1)
-        return J, np.r_[self.below.joints, part]
-
-    @property
-    def moving(self) -> bool:
-        """The arm may move, and does not only give way."""
-        return self.inputs.intent is Intent.MOVE
-
-    @property
-    def precedence(self) -> float:
-        """Part that avoidance takes of following, 0 to 1 [1]."""
-        return 0.0 if self.near is None else self.near.alpha
-
-
 class JointRates(NamedTuple):
     """Joint rates that do what a body is asked for."""
 
@@ -187,9 +137,41 @@ class ArmTick:
     found. What of it the next tick needs, `ArmMemory` takes over.
     """
 
-    seen: ArmMeasurement
-    objectives: ObjectiveGains
-    """Gains of the redundancy objectives that act."""
+    inputs: Inputs
+    kinematics: Kinematics
+    """Of the commanded posture."""
+    T_world_wrist_measured: Pose
+    error: Array
+    """How far the command was ahead of the joints (n,) [rad], which the leash bounds."""
+    commanded: Commanded
+    """What its joints were last told."""
+    lever: Array = field(default_factory=lambda: NO_LEVER)
+    """From the MRF to the point of the tool at which singularities are judged, and whose rates are
+    shaped: where the MRF was at start (3,) [m]. A new MRF is no new point."""
+    wrench: Array | None = None
+    """Wrench that the arm exerts, at and in the MRF (6,) [N, N·m]; None when stale."""
+    hand: Array | None = None
+    """The same of the mean readings."""
+    wrist: WristMemory = field(default_factory=WristMemory)
+    """Readings of the force/torque sensor."""
+    placed: Placed | None = None
+    """Its links at the commanded posture, where they are known already."""
+    near: Near | None = None
+    """Obstacles near its control points; None in a cell without any."""
+    T_world_base: Pose | None = None
+    """Where a Base that moves is; None: Base stands."""
+    below: Carrier = IN_WORLD
+    """What Base stands on, at the MRF."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all."""
+    task: TaskMemory = field(init=False)
+    """Memory of the sources: the gains in effect, and how far the goal is under way."""
+    gains: ObjectiveGains = field(init=False)
+    """Gains of the redundancy objectives in effect, whichever of them act."""
+    objectives: ObjectiveGains = field(init=False)
+    """Gains of those that act."""
+    moving_since_s: float | None = None
+    """When the arm was last enabled or resumed, None while it may not move [s]."""
     asked: Array = field(default_factory=lambda: NO_TWIST)
     """The twist (6,) that the body is to resolve, of the MRF in World axes [m/s, rad/s]."""
     off_path: Array | None = None
@@ -222,21 +204,11 @@ class ArmTick:
     """What the body resolved, before anything came beside it."""
     dq_asked: Array = field(init=False)
     """Joint rates (n,) that are asked for in all [rad/s]."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that barriers are to hold; None: all, or none is led."""
     path: Array | None = None
     """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
     in all that move the tool; None: the tool's own."""
     motion_commanded: bool = True
     """False of an arm that accommodates at most: it makes no way for what comes."""
-    wrist: WristMemory = field(init=False)
-    """Readings of the force/torque sensor."""
-    task: TaskMemory = field(init=False)
-    """Memory of the sources: the gains in effect, and how far the goal is under way."""
-    gains: ObjectiveGains = field(init=False)
-    """Gains of the redundancy objectives in effect, whichever of them act."""
-    moving_since_s: float | None = None
-    """When the arm was last enabled or resumed, None while it may not move [s]."""
     retreat: RetreatState | None = None
     """How far the arm gave way, and from `Arm.answer` on gives way now."""
     grasp: GraspState | None = None
@@ -274,6 +246,26 @@ class ArmTick:
     shared: "ArmTick | None" = field(init=False, default=None)
     """The same of a joint task, at its shared MRF; told by its first arm only."""
 
+    def tool_jacobian(self, part: slice) -> tuple[Array, slice | Index]:
+        """Return the tool's Jacobian (6, m) in all joints that move it, and where those are.
+
+        The arm's own are a `part` of the cell's.
+        """
+        if not len(self.below.dq):
+            return self.kinematics.J, part
+        J = np.concatenate((self.below.J, self.kinematics.J), axis=1)
+        return J, np.r_[self.below.joints, part]
+
+    @property
+    def moving(self) -> bool:
+        """The arm may move, and does not only give way."""
+        return self.inputs.intent is Intent.MOVE
+
+    @property
+    def precedence(self) -> float:
+        """Part that avoidance takes of following, 0 to 1 [1]."""
+        return 0.0 if self.near is None else self.near.alpha
+
     @property
     def q(self) -> Array:
         """Joint command (n,) [rad]."""
@@ -292,12 +284,12 @@ class ArmTick:
     @property
     def T_wrist_mrf(self) -> Pose:
         """The MRF that all this is about."""
-        return self.seen.inputs.settings.T_wrist_mrf
+        return self.inputs.settings.T_wrist_mrf
 
     @property
     def T_world_mrf(self) -> Pose:
         """Where the command had the MRF."""
-        return self.seen.kinematics.T_world_mrf
+        return self.kinematics.T_world_mrf
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
@@ -312,14 +304,14 @@ class ArmTick:
     @property
     def spare(self) -> bool:
         """Spare joints may move."""
-        return self.seen.moving and not self.settled
+        return self.moving and not self.settled
 
     @property
     def led_by_hand(self) -> bool:
         """An operator moves the spare joints, or did until now."""
-        return self.seen.moving and (self.seen.inputs.self_motion.acts or self.by_hand.moves)
+        return self.moving and (self.inputs.self_motion.acts or self.by_hand.moves)
 
     @property
     def led_in_world(self) -> bool:
         """The tool is led, and whatever carries Base shall not carry it along."""
-        return not self.by_joint and self.seen.inputs.ground != "base"
+        return not self.by_joint and self.inputs.ground != "base"

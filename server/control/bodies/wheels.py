@@ -95,8 +95,7 @@ class DrivenArm(SerialArm):
 
     def rates(self, request: ArmTick) -> JointRates:
         """Return rates of base and arm at the commanded posture."""
-        seen = request.seen
-        k, inputs, moving = seen.kinematics, seen.inputs, seen.moving
+        k, inputs, moving = request.kinematics, request.inputs, request.moving
         base, on_base = np.zeros(len(self._most)), self.works_alone(inputs) or not moving
         if moving:
             base = self.driven(inputs.drive, inputs.settings.speed_factor)
@@ -111,7 +110,7 @@ class DrivenArm(SerialArm):
             request = evolve(request, asked=twist)
         D = self._alone.copy()
         D[self._base] = max(STANDING, part * self._with[0])
-        alone, held = bool(D[0] == STANDING), seen.held
+        alone, held = bool(D[0] == STANDING), request.held
         ranks = self._ranks if held is None else held.ranks
         shares = Shares(ranks[1] if part > 0.0 else ranks[0], D)
         found = self._resolver.rates(request, shares, whole)
@@ -126,9 +125,9 @@ class DrivenArm(SerialArm):
         if not driven or on_base or float(np.abs(left).max()) <= RESIDUE:
             return found._replace(wheels_commanded=bool(self.synchronized))
         # The arm cannot answer the drive: the base goes no further than the tool allows.
-        J, q = judged_at(k, seen.lever).J, seen.commanded.motion.q
+        J, q = judged_at(k, request.lever).J, request.commanded.motion.q
         shares = Shares(ranks[1], self.holding_back(base))
-        rest = self._resolver.resolve(q, J, left, seen.lever, shares, held)
+        rest = self._resolver.resolve(q, J, left, request.lever, shares, held)
         return found._replace(dq=dq + rest.dq, limits=("singularity",))
 
 
@@ -162,7 +161,7 @@ class WheeledArm(DrivenArm):
 
     def follows(self, twist: Array, request: ArmTick) -> float:
         """Return how far wheels follow a tool: not where it creeps, they would grind to and fro."""
-        v, w = sizes(twist_at(twist, request.seen.lever))
+        v, w = sizes(twist_at(twist, request.lever))
         return min(1.0, max(0.0, (max(v, w * self._length) - CREEPS) / (GOES - CREEPS)))
 
     def posture(self, posture: Array, q: Array) -> Array:

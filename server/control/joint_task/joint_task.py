@@ -11,14 +11,13 @@ from ....config.load import Cell
 from ....config.schema.joint_task import JointTaskSection
 from ..arm import Arm, context_of, path_of_mrf, quantities
 from ..barriers.together import PayloadLink
-from ..bodies.rates import ArmMeasurement, ArmTick
+from ..bodies.rates import ArmTick
 from ..compiled import ARRAY3, ARRAY4, BLOCK, INDEX, MATRIX, compiled, evolve
 from ..forest import Forest, at_mrf
 from ..grasps import GraspState, GraspStatus, apart, mean_of
 from ..inputs import UNASKED, Inputs, Intent
 from ..joints import parts_of
 from ..mechanism.self_motion import IDLE
-from ..mechanism.wrench import WristMemory
 from ..scene import Index
 from ..spatial import Array, Kinematics, Pose, rotate_twist
 from ..state import ArmMemory, Memory
@@ -43,34 +42,17 @@ from .forces import (
 # --- Results of a joint task in one tick: for each of its arms, and for all -----------------------
 
 
-class Member(NamedTuple):
-    """One arm's part in a joint task in one tick."""
+class ActiveTask(NamedTuple):
+    """A joint task that is on, in one tick."""
 
-    wanted: ArmTick
-    """With the MRF where it sees it, and nothing that commands it alone."""
-    give_way: Array
-    """The twist (6,) of the MRF by which it gives way at its grasp, World axes."""
-    holding: GraspStatus
-
-    def slowed(self, share: float, limit: str) -> "Member":
-        """Return the same at a share of its speed, which a limit of that name left."""
-        wanted = evolve(
-            self.wanted,
-            dq_asked=share * self.wanted.dq_asked,
-            scale=share * self.wanted.scale,
-            limits=(*self.wanted.limits, limit),
-        )
-        return self._replace(wanted=wanted, give_way=share * self.give_way)
-
-
-class CooperativeState(NamedTuple):
-    """A joint task in one tick."""
-
-    members: tuple[Member, ...]
+    task: "JointTask"
+    members: tuple[ArmTick, ...]
+    """Each arm's, with the MRF where it sees it, and nothing that commands it alone."""
+    ways: tuple[Array, ...]
+    """The twists (6,) of the MRF by which each gives way at its grasp, World axes."""
     T_world_mrf: Pose
     """The mean of the arms' views."""
     shared: TaskMemory
-    twists: dict[str, Array]
     twist: Array
     """The common twist (6,)."""
     share: float
@@ -85,6 +67,21 @@ class CooperativeState(NamedTuple):
     """Wrench (6,) of the payload on what it touches, at and in the MRF; None when one is stale."""
     giving_way: float
     """Greatest relative speed of two grasps that force control asks for [m/s]."""
+    carried: "Carried"
+
+    @property
+    def stops(self) -> bool:
+        """True while the arms may not move on: pressed too hard, or without the payload."""
+        return self.strained is not None or self.slipped
+
+    @property
+    def link(self) -> PayloadLink:
+        """Its arms, for the barriers."""
+        return PayloadLink(np.array(self.task.members), np.array(self.ways))
+
+    def violation(self, stop: Stop) -> float:
+        """Return by how much a stop stretches the payload more than is promised [m]."""
+        return self.task.stretch.violation(stop, self.carried, self.grasps, self.giving_way)
 
 
 # --- The promise of stretch: how far grasps of one payload move apart along a stop ----------------
@@ -204,16 +201,6 @@ FIT_M = 0.020
 """Grasps that are farther from fitting each other do not hold one payload [m]."""
 
 
-class _Of(NamedTuple):
-    """One arm in one tick, before it is decided what it is asked for."""
-
-    before: ArmMemory
-    seen: ArmMeasurement
-    """With the MRF where the arm sees it."""
-    wrist: WristMemory
-    held: GraspState
-
-
 _HALVINGS = 5
 """The part of a self-motion that a fault allows is found to 1/32 [1]."""
 
@@ -224,11 +211,12 @@ AT_EACH_GRASP = ("force", "following")
 class JointTask:
     """The control computation of one task that several arms hold."""
 
-    def __init__(
-        self, section: JointTaskSection, arms: Sequence[Arm], members: Sequence[int]
-    ) -> None:
-        """Build it; `members` tells which of a cell's `arms` hold the payload, the first leads."""
+    def __init__(self, cell: Cell, section: JointTaskSection, arms: Sequence[Arm]) -> None:
+        """Build that of a section, for those of a cell's `arms` that it names; the first leads."""
+        names = [part.config.mechanism.name for part in cell.parts]
+        members = [names.index(name) for name in section.by]
         self.name, self.section, self.members = section.name, section, tuple(members)
+        self.stretch = Stretch(cell, members, section.stretch)
         self.arms = tuple(arms[i] for i in members)
         every = parts_of([arm.p.n for arm in arms])
         self.parts = tuple(every[i] for i in members)
@@ -244,11 +232,10 @@ class JointTask:
     @classmethod
     def of(cls, cell: Cell, arms: Sequence[Arm]) -> tuple[Self, ...]:
         """Build those of a cell. Raises `ConfigError` where grasps do not fit at the start."""
-        names = [part.config.mechanism.name for part in cell.parts]
         start = [np.array(part.config.mechanism.postures["start"]) for part in cell.parts]
         found = []
         for section in cell.joint_tasks:
-            task = cls(section, arms, [names.index(name) for name in section.by])
+            task = cls(cell, section, arms)
             if section.at_start:
                 misfit = task.grips.misfit([start[i] for i in task.members])
                 if misfit > FIT_M:
@@ -272,20 +259,18 @@ class JointTask:
         memories: Sequence[ArmMemory],
         commanded: Sequence[Commanded],
         inputs: Sequence[Inputs],
-    ) -> CooperativeState:
+    ) -> ActiveTask:
         """Return what the task asks of each of its arms; all are those of all arms of the cell."""
         told = inputs[self.members[0]]
         T_payload_mrf = self._T_payload_wrist @ told.settings.T_wrist_mrf
-        each, mean = self._seen(memories, commanded, inputs, told, T_payload_mrf)
-        T_world_mrf, first = mean @ T_payload_mrf, each[0]
-        shared, twists = self._summed(first, told, T_world_mrf)
+        before = self._before(memories, told)
+        each, held, mean = self._seen(memories, before, commanded, inputs, told, T_payload_mrf)
+        T_world_mrf = mean @ T_payload_mrf
+        shared, twists = self._summed(before[0], held[0], each[0], told, T_world_mrf)
         twist = sum(twists.values(), np.zeros(6))
-        views, wrists = (
-            [of.seen.inputs.settings.T_wrist_mrf for of in each],
-            [of.wrist for of in each],
-        )
-        known = first.held.weighed
-        weights = self._giving_way.weights(told, [of.held for of in each])
+        views, wrists = [tick.T_wrist_mrf for tick in each], [tick.wrist for tick in each]
+        known = held[0].weighed
+        weights = self._giving_way.weights(told, held)
         forces = self._giving_way.forces(
             told, weights, views, wrists, T_payload_mrf, T_world_mrf.R, known
         )
@@ -300,11 +285,21 @@ class JointTask:
             twist = twist + take
         light = [0.0] * len(each)
         if told.intent is not Intent.SEED:
-            before_s, T = [of.held.light_s for of in each], self.arms[0].p.period_s
+            before_s, T = [grasp.light_s for grasp in held], self.arms[0].p.period_s
             light = light_s(before_s, forces, T_world_mrf.R[2], T)
         lost = max(light) >= SLIPPED_S
-        tuned = [self._tuned(i, of, forces, T_world_mrf.R, lost) for i, of in enumerate(each)]
-        factor, ways = told.settings.speed_factor, [way for *_, way in tuned]
+        states, ways = [], []
+        for i, tick in enumerate(each):
+            way, state = np.zeros(6), ForceState()
+            # While the payload is lost none gives way: they would go up and down after shares.
+            if not lost:
+                gain, k = tick.task.gains.get("force", way), tick.kinematics
+                way, state = self._giving_way.twist(
+                    i, forces, gain, T_world_mrf.R, k, tick.inputs, held[i]
+                )
+            ways.append(way)
+            states.append(state)
+        factor = told.settings.speed_factor
         wanted, way = bool(told.wrench_desired.any()), sum(ways, np.zeros(6)) / len(ways)
         sums = Told(forces.contact, wanted, T_payload_mrf, T_world_mrf, twist, way)
         intent = Intent.STOP if lost else told.intent
@@ -314,46 +309,54 @@ class JointTask:
         )
         strained = self._giving_way.strained(forces) if moving else None
         members = []
-        for i, (of, (tick, grasp, way)) in enumerate(zip(each, tuned, strict=True)):
+        for i, (tick, way) in enumerate(zip(each, ways, strict=True)):
             rates = self._wanted(i, tick, {"common": twist, "force": way}, share)
             rates.twists, rates.twist = {**twists, "force": way}, twist
             if take is not None:
                 rates.twists = {**twists, "force": way + take}
                 rates.limits += ("press",)
-            holding = GraspStatus(
+            rates.holding = GraspStatus(
                 self.name, forces.internal_force, forces.internal_moment, strained,
                 light[i] >= SLIPPED_S, known.load, known.aside,
                 weights[i], *forces.vertical(i, T_world_mrf.R[2]),
-                apart(T_world_mrf, of.seen.kinematics.T_world_mrf)[0], of.held.redefined,
+                apart(T_world_mrf, tick.T_world_mrf)[0], held[i].redefined,
             )  # fmt: skip
-            rates.grasp = evolve(grasp, light_s=light[i], weighed=known, weights=weights[i])
-            members.append(Member(rates, share * way, holding))
+            rates.grasp = evolve(
+                held[i], force=states[i], light_s=light[i], weighed=known, weights=weights[i]
+            )
+            members.append(rates)
+        given = [share * way for way in ways]
         if told.intent is Intent.MOVE:
             R_world_payload = T_world_mrf.R @ T_payload_mrf.R.T
             slowed = self._at_fault(members, forces, R_world_payload)
-            by_hand = [m.wanted.found.by_hand.moves for m in members]
-            if slowed.share < 1.0 and any(by_hand):
+            if slowed.share < 1.0 and any(tick.found.by_hand.moves for tick in members):
                 still = [
                     self._wanted(
                         i, tick, {"common": twist, "force": way}, share, by_hand=False
                     ).dq_asked
-                    for i, (tick, _, way) in enumerate(tuned)
+                    for i, (tick, way) in enumerate(zip(each, ways, strict=True))
                 ]
                 members, slowed = self._self_motion_slowed(
                     members, still, slowed, forces, R_world_payload
                 )
             if slowed.share < 1.0:
                 share *= slowed.share
-                limit = f"internal_at_fault:{slowed.by}"
-                members = [member.slowed(slowed.share, limit) for member in members]
-        return CooperativeState(
-            tuple(members), T_world_mrf, shared, twists, twist, share, strained,
-            lost, forces.p, forces.contact, share * relative_speed(ways),
+                given = [slowed.share * way for way in given]
+                for tick in members:
+                    tick.dq_asked, tick.scale = (
+                        slowed.share * tick.dq_asked,
+                        slowed.share * tick.scale,
+                    )
+                    tick.limits += (f"internal_at_fault:{slowed.by}",)
+        return ActiveTask(
+            self, tuple(members), tuple(given), T_world_mrf, shared, twist, share, strained, lost,
+            forces.p, forces.contact, share * relative_speed(ways),
+            self.stretch.carried([tick.T_wrist_mrf for tick in members]),
         )  # fmt: skip
 
     def finish(
         self,
-        together: CooperativeState,
+        together: ActiveTask,
         told: Inputs,
         memories: Sequence[ArmMemory],
         ticks: Sequence[ArmTick],
@@ -373,12 +376,13 @@ class JointTask:
             strained = (f"{together.strained}:{self.name}",)
         if together.slipped:
             strained += (f"slipped:{self.name}",)
-        for tick, member in zip(ticks, together.members, strict=True):
-            tick.holding, tick.limits = member.holding, tick.limits + strained
-        k = first.seen.kinematics._replace(T_world_mrf=together.T_world_mrf)
+        for tick in ticks:
+            tick.limits += strained
         first.shared = evolve(
             first,
-            seen=first.seen._replace(inputs=told, kinematics=k, wrench=together.contact),
+            inputs=told,
+            kinematics=first.kinematics._replace(T_world_mrf=together.T_world_mrf),
+            wrench=together.contact,
             task=shared,
             T_world_mrf_measured=mean_of([tick.T_world_mrf_measured for tick in ticks]),
             at_rest=all(tick.at_rest for tick in ticks),
@@ -392,53 +396,57 @@ class JointTask:
     # --- its steps ---------------------------------------------------------------------------
 
     def _summed(
-        self, first: _Of, told: Inputs, T_world_mrf: Pose
+        self, before: ArmMemory, held: GraspState, first: ArmTick, told: Inputs, T_world_mrf: Pose
     ) -> tuple[TaskMemory, dict[str, Array]]:
         """Return the task's memory and the twists (6,) of its sources, at the mean MRF.
 
         They are asked as those of one arm would be, whose Wrist is where the first one's would be
         if all views agreed.
         """
-        mrf, moving, before = told.settings.T_wrist_mrf, told.intent is Intent.MOVE, first.before
-        there = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, first.seen.kinematics.J)
+        mrf, moving = told.settings.T_wrist_mrf, told.intent is Intent.MOVE
+        k = Kinematics(T_world_mrf @ mrf.inverse(), T_world_mrf, first.kinematics.J)
+        lever = k.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p)
+        there = evolve(first, inputs=told, kinematics=k, lever=lever, wrench=None, hand=None)
         since_s = before.moving_since_s if before.moving_since_s is not None else told.time_s
         memory = self._task.tuned(
-            first.held.shared or self._task.idle,
+            held.shared or self._task.idle,
             told.settings.gains,
-            lambda: quantities(first.wrist, told, there, told.time_s - since_s),
+            lambda: quantities(there, told.time_s - since_s),
             moving,
             told.settings.at_once,
         )
-        lever = there.T_world_wrist.R @ (self._p_wrist_mrf - mrf.p)
-        seen = first.seen._replace(
-            inputs=told, kinematics=there, lever=lever, wrench=None, hand=None
-        )
-        context = context_of(None, first.wrist, seen, self.arms[0].wrist)
+        context = context_of(there, None, self.arms[0].wrist)
         all_gains = memory.gains
         common = {name: gain for name, gain in all_gains.items() if name not in AT_EACH_GRASP}
         memory, twists = self._task.twists(memory._replace(gains=common), context)
         return memory._replace(gains=all_gains), twists
 
+    def _before(self, memories: Sequence[ArmMemory], told: Inputs) -> list[ArmMemory]:
+        """Return what each of its arms remembers, but for the sensors' readings."""
+        own = [memories[i] for i in self.members]
+        if told.intent is not Intent.SEED:
+            return own
+        return [arm.seeded(memory) for arm, memory in zip(self.arms, own, strict=True)]
+
     def _seen(
         self,
         memories: Sequence[ArmMemory],
+        before: Sequence[ArmMemory],
         commanded: Sequence[Commanded],
         inputs: Sequence[Inputs],
         told: Inputs,
         T_payload_mrf: Pose,
-    ) -> tuple[list[_Of], Pose]:
-        """Return where each arm is and has the payload, and where that is in World.
+    ) -> tuple[list[ArmTick], Sequence[GraspState], Pose]:
+        """Return each arm's tick with what is measured, its grasp, and where the payload is.
 
         While drives are off, a grasp is what the measured joints make of it.
         """
-        measured, wrists, before = [], [], []
+        measured, wrists = [], []
         for i, arm in zip(self.members, self.arms, strict=True):
             memory, own = memories[i], inputs[i]
             T = arm.mechanism.pose_wrist(own.q_measured)
             measured.append(T)
             wrists.append(arm.wrist.measure(memory.wrist, own, T, memory.max_tool_acceleration))
-            seeding = told.intent is Intent.SEED
-            before.append(arm.seeded(memory) if seeding else memory)
         each = [commanded[i] for i in self.members]
         wrists_told = [
             arm.mechanism.wrist(own.motion.q) for arm, own in zip(self.arms, each, strict=True)
@@ -451,76 +459,55 @@ class JointTask:
         for i, wrist in enumerate(wrists_told):
             given = _of_member(inputs[self.members[i]], told, held[i], T_payload_mrf)
             arm, mrf = self.arms[i], given.settings.T_wrist_mrf
-            seen = ArmMeasurement(
+            wrench, hand = arm.wrist.contact.at_mrf(wrists[i].wrench, mrf)
+            tick = ArmTick(
                 given,
                 at_mrf(*wrist, mrf),
                 measured[i],
                 each[i].sent[1] - given.q_measured,
                 each[i],
-                wrist[0].R @ (arm.p.T_wrist_tool.p - mrf.p),
-                *arm.wrist.contact.at_mrf(wrists[i].wrench, mrf),
+                lever=wrist[0].R @ (arm.p.T_wrist_tool.p - mrf.p),
+                wrench=wrench,
+                hand=hand,
+                wrist=wrists[i],
+                by_hand=before[i].by_hand,
+                settled=given.at_posture,
+                retreat=before[i].retreat,
+                resistance=before[i].resistance,
             )
-            found.append(_Of(before[i], seen, wrists[i], held[i]))
-        return found, mean
-
-    def _tuned(
-        self, i: int, of: _Of, forces: Grasping, R_world_mrf: Array, lost: bool
-    ) -> tuple[ArmTick, GraspState, Array]:
-        """Return one arm's tick with its gains in effect, and how it gives way with them.
-
-        That is what it remembers of its grasp, and the twist of the MRF (6,), in World axes. None
-        gives way while the payload is `lost`: they would go up and down after their shares.
-        """
-        k, before = of.seen.kinematics, of.before
-        inputs = of.seen.inputs
-        task, objectives, since_s = self.arms[i].tuned(before, inputs, k, of.wrist)
-        way, state = np.zeros(6), ForceState()
-        if not lost:
-            gain = task.gains.get("force", way)
-            way, state = self._giving_way.twist(i, forces, gain, R_world_mrf, k, inputs, of.held)
-        tick = ArmTick(
-            of.seen,
-            objectives,
-            by_hand=before.by_hand,
-            settled=inputs.at_posture,
-            moving_since_s=since_s,
-            retreat=before.retreat,
-            resistance=before.resistance,
-        )
-        tick.wrist, tick.task, tick.gains = of.wrist, task, objectives
-        return tick, evolve(of.held, force=state), way
+            arm.tuned(before[i], tick)
+            found.append(tick)
+        return found, held, mean
 
     def _at_fault(
-        self, members: Sequence[Member], forces: Grasping, R_world_payload: Array
+        self, members: Sequence[ArmTick], forces: Grasping, R_world_payload: Array
     ) -> Slowed:
         """Return how far arms are to be slowed down for what a fault would do."""
-        moving = [self._moving(member, forces, i) for i, member in enumerate(members)]
+        moving = [self._moving(tick, forces, i) for i, tick in enumerate(members)]
         return self.at_fault.slowed(moving, R_world_payload)
 
     def _self_motion_slowed(
         self,
-        members: list[Member],
+        members: list[ArmTick],
         still: Sequence[Array],
         whole: Slowed,
         forces: Grasping,
         R_world_payload: Array,
-    ) -> tuple[list[Member], Slowed]:
+    ) -> tuple[list[ArmTick], Slowed]:
         """Return the members with as much of the self-motion by hand as slows no payload.
 
         `still` are their joint rates (n,) without it, `whole` how far all of it is to be slowed.
         """
 
-        def at(part: float) -> list[Member]:
+        def at(part: float) -> list[ArmTick]:
             limits = (f"internal_at_fault:{whole.by}",)
             return [
-                m._replace(
-                    wanted=evolve(
-                        m.wanted,
-                        dq_asked=dq + part * (m.wanted.dq_asked - dq),
-                        limits=m.wanted.limits + limits,
-                    )
+                evolve(
+                    tick,
+                    dq_asked=dq + part * (tick.dq_asked - dq),
+                    limits=tick.limits + limits,
                 )
-                for m, dq in zip(members, still, strict=True)
+                for tick, dq in zip(members, still, strict=True)
             ]
 
         slowed = self._at_fault(at(0.0), forces, R_world_payload)
@@ -533,12 +520,11 @@ class JointTask:
                 low = part
         return at(low), slowed
 
-    def _moving(self, member: Member, forces: Grasping, i: int) -> Moving:
+    def _moving(self, tick: ArmTick, forces: Grasping, i: int) -> Moving:
         """Return what one arm is asked for, for what a fault would then do."""
-        seen = member.wanted.seen
-        k, R = seen.kinematics, seen.kinematics.T_world_mrf.R
+        R = tick.T_world_mrf.R
         return Moving(
-            seen.commanded.motion.q, member.wanted.dq_asked, k.J,
+            tick.commanded.motion.q, tick.dq_asked, tick.kinematics.J,
             R @ forces.p[i], rotate_twist(R, forces.desired[i]),
         )  # fmt: skip
 
@@ -558,8 +544,7 @@ class JointTask:
         slowed = {name: share * twist for name, twist in twists.items()}
         tick = evolve(tick, twists=slowed)
         if not by_hand:
-            still = evolve(tick.seen.inputs, self_motion=UNASKED)
-            tick.seen, tick.by_hand = tick.seen._replace(inputs=still), IDLE
+            tick.inputs, tick.by_hand = evolve(tick.inputs, self_motion=UNASKED), IDLE
         self.arms[i].resolved(tick)
         tick.scale = share
         if share < 1.0:
@@ -658,38 +643,12 @@ LimiterOf = Callable[[tuple[tuple[int, ...], ...]], Limiter]
 """Builds the limiter of a cell in which the joints of groups of arms stop in proportion."""
 
 
-class ActiveTask(NamedTuple):
-    """One joint task that is on, in one tick."""
-
-    task: JointTask
-    together: CooperativeState
-    stretch: Stretch
-    carried: Carried
-
-    @property
-    def stops(self) -> bool:
-        """True while the arms may not move on: pressed too hard, or without the payload."""
-        return self.together.strained is not None or self.together.slipped
-
-    @property
-    def link(self) -> PayloadLink:
-        """Its arms, for the barriers."""
-        ways = [member.give_way for member in self.together.members]
-        return PayloadLink(np.array(self.task.members), np.array(ways))
-
-    def violation(self, stop: Stop) -> float:
-        """Return by how much a stop stretches the payload more than is promised [m]."""
-        together = self.together
-        return self.stretch.violation(stop, self.carried, together.grasps, together.giving_way)
-
-
 class JointTasks:
     """The joint tasks of one cell."""
 
     def __init__(self, cell: Cell, arms: Sequence[Arm], limiter_of: LimiterOf) -> None:
         """Build them. Raises `ConfigError` where grasps do not fit at the start."""
         self.tasks = JointTask.of(cell, arms)
-        self._stretches = [Stretch(cell, t.members, t.section.stretch) for t in self.tasks]
         self._limiter_of = limiter_of
         self._parts = parts_of([arm.p.n for arm in arms])
         # Scratch: limiters by the arms whose joints are a group.
@@ -713,13 +672,7 @@ class JointTasks:
         inputs: Sequence[Inputs],
     ) -> list[ActiveTask]:
         """Return those that are on, with what they ask of their arms."""
-        found = []
-        for task, stretch in zip(self.tasks, self._stretches, strict=True):
-            if task.on(memories):
-                together = task.ask(memories, commanded, inputs)
-                views = [m.wanted.seen.inputs.settings.T_wrist_mrf for m in together.members]
-                found.append(ActiveTask(task, together, stretch, stretch.carried(views)))
-        return found
+        return [task.ask(memories, commanded, inputs) for task in self.tasks if task.on(memories)]
 
     def switched(self, name: str, on: bool, memory: Memory, q: Sequence[Array]) -> Memory:
         """Return the memory once a task is on or off; `q` are the measured joints of each arm (n,).
@@ -740,13 +693,9 @@ class JointTasks:
         return self._limiters[groups]
 
 
-def members_of(on: Sequence[ActiveTask]) -> dict[int, Member]:
-    """Return the parts that arms have in joint tasks, by the arms' places."""
-    return {
-        i: member
-        for each in on
-        for i, member in zip(each.task.members, each.together.members, strict=True)
-    }
+def members_of(on: Sequence[ActiveTask]) -> dict[int, ArmTick]:
+    """Return the ticks of arms in joint tasks, by the arms' places."""
+    return {i: tick for each in on for i, tick in zip(each.task.members, each.members, strict=True)}
 
 
 def finish(
@@ -759,7 +708,7 @@ def finish(
     for each in on:
         members = each.task.members
         memories[members[0]] = each.task.finish(
-            each.together,
+            each,
             inputs[members[0]],
             [memories[i] for i in members],
             [ticks[i] for i in members],

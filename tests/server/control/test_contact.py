@@ -60,7 +60,7 @@ def test_pressed_against_a_wall_an_idle_arm_backs_off(run):
     assert wall.forces[-1] > 20.0
     output = wall.press(2.0)
     assert wall.forces[-1] < 0.5
-    np.testing.assert_allclose(output.seen.wrench[:3], 0.0, atol=0.5)
+    np.testing.assert_allclose(output.wrench[:3], 0.0, atol=0.5)
     run.observe()
 
 
@@ -70,7 +70,7 @@ def test_a_desired_wrench_is_reached_at_the_mrf(run):
     desired[:3] = run.pose.R.T @ [15.0, 0.0, 0.0]
     output = wall.press(8.0, wrench_desired=desired)
     assert wall.forces[-1] == pytest.approx(15.0, rel=0.02)
-    np.testing.assert_allclose(output.seen.wrench[:3], desired[:3], atol=0.5)
+    np.testing.assert_allclose(output.wrench[:3], desired[:3], atol=0.5)
     run.observe()
 
 
@@ -80,7 +80,7 @@ def test_a_sensor_that_falls_silent_ends_the_force_sources_motion(run):
     assert run.outputs[-1].twists["force"].any()
     output = run.go(0.5, wrench_sensor=None)
     assert not output.twists["force"].any()
-    assert output.seen.wrench is None
+    assert output.wrench is None
     assert np.abs(output.dq).max() < 0.02
     run.observe()
 

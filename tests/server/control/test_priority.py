@@ -46,7 +46,7 @@ def led_past_the_pole(case):
 
 def least_of(case):
     """Return the least distance of both spheres in one case [m]."""
-    return min(o.seen.near.distances.least for o in led_past_the_pole(case).outputs)
+    return min(o.near.distances.least for o in led_past_the_pole(case).outputs)
 
 
 def test_each_case_keeps_further_away_and_only_priority_keeps_the_inner_spheres_free():
@@ -64,7 +64,7 @@ def test_rates_of_avoiding_do_not_move_the_tool_and_priority_does():
 
 def test_what_is_near_is_told():
     outputs = led_past_the_pole(3).outputs
-    alphas = np.array([o.seen.near.alpha for o in outputs])
+    alphas = np.array([o.near.alpha for o in outputs])
     assert alphas[0] < 0.01 < 0.3 < alphas.max()
     assert np.diff(alphas).max() < 0.02
     assert max(o.found.self_motion.norms["spheres"] for o in outputs) > 0.05

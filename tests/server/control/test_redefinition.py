@@ -198,7 +198,7 @@ def test_accommodation_about_a_new_point_begins_without_a_jump_and_a_balanced_lo
     expected[:3] += np.cross(before[3:], lever)
     np.testing.assert_allclose(output.twist, expected, atol=2e-3)
     # A load that is wanted as it is asks for nothing, at whatever point it is told.
-    balanced = run.tick(wrench_sensor=pressed, wrench_desired=output.seen.wrench)
+    balanced = run.tick(wrench_sensor=pressed, wrench_desired=output.wrench)
     np.testing.assert_allclose(balanced.twists["force"], 0.0, atol=1e-3)
     run.observe()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.mechanism.model import Mechanism
 from telerobot.server.control.spatial import Pose, pose_error, rotation_rpy, sizes
@@ -37,8 +37,9 @@ def asked(arm, q, k, base, twist, **more):
     settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, np.zeros(9), settings, **more)
     told = Commanded.at_rest(q)
-    seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
-    return ArmTick(seen, arm.redundancy.objectives, np.asarray(twist))
+    tick = ArmTick(inputs, k, k.T_world_wrist, np.zeros(9), told, T_world_base=base)
+    tick.objectives, tick.asked = arm.redundancy.objectives, np.asarray(twist)
+    return tick
 
 
 def somewhere(draw, cell):

@@ -318,7 +318,7 @@ def test_at_the_end_of_its_leash_a_command_goes_no_further_and_may_come_back(run
     for _ in range(40):
         output = run.tick(jog=-rates, q_measured=behind(run, joint, leash))
     assert output.dq[joint] == pytest.approx(-0.2, rel=1e-6)
-    assert output.seen.error[joint] == pytest.approx(leash)
+    assert output.error[joint] == pytest.approx(leash)
     run.observe()
 
 

@@ -50,9 +50,8 @@ def play(
         wrench = None if force is None else force * np.array([1.0, aside, 0.0, 0.0, 0.0, lever])
         twists = {"joystick": np.array([*u, 0.0, 0.0, turning]), "force": -np.ones(6)}
         pose = Pose(rotation_exp(np.array([0.0, 0.0, k * T * turns])), at)
-        seen = SimpleNamespace(wrench=wrench)
         monitor.update(
-            SimpleNamespace(seen=seen, twists=twists, T_world_mrf_measured=pose, limits=limits)
+            SimpleNamespace(wrench=wrench, twists=twists, T_world_mrf_measured=pose, limits=limits)
         )
     return at
 

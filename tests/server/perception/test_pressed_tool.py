@@ -16,7 +16,7 @@ def output(force, relief=NOTHING):
     wrench = None if force is None else np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
     here = Pose.identity()
     return SimpleNamespace(
-        seen=SimpleNamespace(wrench=wrench),
+        wrench=wrench,
         twists={"force": relief},
         T_world_mrf=here,
         T_world_mrf_measured=here,

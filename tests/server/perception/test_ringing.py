@@ -22,7 +22,7 @@ def heard(force, stiffness, seconds=3.0):
     for k in range(round(seconds / T)):
         f = force(k * T)
         output = SimpleNamespace(
-            seen=SimpleNamespace(wrench=np.array([f, 0, 0, 0, 0, 0])),
+            wrench=np.array([f, 0, 0, 0, 0, 0]),
             twists={}, task=SimpleNamespace(gains=gains),
             T_world_mrf_measured=Pose(np.eye(3), np.array([0.8 + f / stiffness, 0.0, 0.0])),
         )  # fmt: skip

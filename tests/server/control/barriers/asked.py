@@ -1,7 +1,7 @@
 """An arm in a tick, as the barriers see it."""
 
 import numpy as np
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick, JointRates
+from telerobot.server.control.bodies.rates import ArmTick, JointRates
 from telerobot.server.control.hold import COMMANDED
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, Settings
 from telerobot.server.control.mechanism.redundancy import SelfMotion
@@ -16,7 +16,7 @@ def situation(k, dq, motion, scene):
     told = Commanded(motion, Stop.at_rest(motion.q), (motion.q,) * 3)
     settings = Settings({}, Pose.identity(), Pose.identity(), np.zeros(6))
     inputs = Inputs(0.0, Intent.MOVE, motion.q, settings, scene=scene)
-    seen = ArmMeasurement(inputs, k, k.T_world_wrist, none, told)
-    arm = ArmTick(seen, ObjectiveGains({}, none), stance=COMMANDED, moving_since_s=0.0)
+    arm = ArmTick(inputs, k, k.T_world_wrist, none, told, stance=COMMANDED, moving_since_s=0.0)
+    arm.objectives = ObjectiveGains({}, none)
     arm.dq_asked, arm.found = dq, JointRates(dq, SelfMotion(none, {}))
     return (arm,), motion, {}, (), dq

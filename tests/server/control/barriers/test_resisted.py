@@ -19,7 +19,7 @@ class GraspState:
         self.delayed.append(output.q)
         joints = self.run.arm.p.joints
         window = np.minimum(joints.following_window, 2.0 * joints.leash)  # what a command keeps to
-        self.worst = max(self.worst, float((np.abs(output.seen.error) / window).max()))
+        self.worst = max(self.worst, float((np.abs(output.error) / window).max()))
         return output
 
     def go(self, seconds):

@@ -7,7 +7,7 @@ from telerobot.protocols.messages.messages import Drive
 from telerobot.server.commands.commands import drive_commands
 from telerobot.server.control.arm import Arm
 from telerobot.server.control.axes import HeldAxes, holding
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import DriveRequest, Inputs, Intent, Settings
 from telerobot.server.control.spatial import Pose
 from telerobot.server.control.stop.limiter import Commanded
@@ -38,8 +38,8 @@ def rates(arm):
         settings = Settings({}, arm.p.T_wrist_tool, Pose.identity(), np.zeros(6))
         inputs = Inputs(0.0, Intent.MOVE, BENT, settings, **more)
         told = Commanded.at_rest(BENT)
-        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(9), told, held=held)
-        request = ArmTick(seen, arm.redundancy.objectives, np.array(twist))
+        request = ArmTick(inputs, k, k.T_world_wrist, np.zeros(9), told, held=held)
+        request.objectives, request.asked = arm.redundancy.objectives, np.array(twist)
         return k.J, arm.body.rates(request)
 
     return found

@@ -18,7 +18,7 @@ def pair():
     """Return how arms move the payload of the pair by a twist at start, and their bound."""
     cell = load_cell("pa10_pair")
     section = cell.joint_tasks[0]
-    task = JointTask(section, [Arm.of(part) for part in cell.parts], [0, 1])
+    task = JointTask(cell, section, [Arm.of(part) for part in cell.parts])
     start = [np.array(part.config.mechanism.postures["start"]) for part in cell.parts]
     return task, lambda twist: _moving(section, task, start, np.array(twist, dtype=float))
 

@@ -251,7 +251,7 @@ def test_an_arm_whose_sensor_is_stale_gives_way_to_nothing(cell):
     run = Carrying(cell())
     run.run(0.1, blind=(1,))
     assert run.outputs[0].holding.internal_force is None
-    assert run.outputs[1].seen.wrench is None
+    assert run.outputs[1].wrench is None
     assert not run.outputs[1].twists["force"].any()
 
 

@@ -304,7 +304,7 @@ def test_two_links_give_way_in_their_plane_to_where_springs_and_field_are_even(s
     run.observe()
     # By differences of the potential alone: no way in the plane leads further downhill.
     arm, d = run.arm, off[-1]
-    k, q = run.outputs[-1].seen.kinematics, run.memory.commanded.motion.q
+    k, q = run.outputs[-1].kinematics, run.memory.commanded.motion.q
     for e in np.eye(3)[[0, 2]]:
         dq = np.linalg.solve(k.J, np.concatenate([e, np.zeros(3)]))
         h = 1e-4

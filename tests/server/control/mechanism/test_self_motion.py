@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.server.control.arm import Arm
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import Inputs, Intent, SelfMotionRequest
 from telerobot.server.control.mechanism.self_motion import BOUNDED, IDLE, NONE_SPARE, SINGULAR
 from telerobot.server.control.spatial import Motion, Pose
@@ -133,10 +133,13 @@ def test_the_more_avoiding_comes_first_the_less_an_operator_moves_the_spare_join
 
     def rate(near):
         told = Commanded.at_rest(q)
-        seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(7), told, near=near)
         state = at_rate(0.1)
         for _ in range(100):
-            request = ArmTick(seen, arm.redundancy.objectives, by_hand=state, settled=True)
+            request = ArmTick(
+                inputs, k, k.T_world_wrist, np.zeros(7), told, near=near, by_hand=state,
+                settled=True,
+            )  # fmt: skip
+            request.objectives = arm.redundancy.objectives
             state = arm.body.rates(request).by_hand
         return float(state.motion.dq[0])
 

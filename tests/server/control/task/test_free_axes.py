@@ -8,7 +8,7 @@ from telerobot.config.schema.null_space import OBJECTIVES
 from telerobot.config.schema.sources import PositionSection
 from telerobot.server.control.arm import Arm as ArmControl
 from telerobot.server.control.axes import FREE_TIME_S, HeldAxes, holding
-from telerobot.server.control.bodies.rates import ArmMeasurement, ArmTick
+from telerobot.server.control.bodies.rates import ArmTick
 from telerobot.server.control.inputs import Inputs, Intent, ObjectiveGains, PathGoal
 from telerobot.server.control.spatial import Pose, rotation_exp
 from telerobot.server.control.stop.limiter import Commanded
@@ -94,9 +94,12 @@ def test_what_is_asked_along_a_free_axis_takes_no_part_of_the_tools_speed(pa10):
     along = np.concatenate([k.T_world_mrf.R @ np.array([3.0 * most, 0.0, 0.05]), np.zeros(3)])
     inputs = Inputs(0.0, Intent.MOVE, q, pa10.settings, at_posture=True)
     told = Commanded.at_rest(q)
-    seen = ArmMeasurement(inputs, k, k.T_world_wrist, np.zeros(7), told, held=held)
-    twists = {"joystick": along}
-    found = arm.resolved(ArmTick(seen, arm.redundancy.objectives, settled=True, twists=twists))
+    tick = ArmTick(
+        inputs, k, k.T_world_wrist, np.zeros(7), told, held=held, settled=True,
+        twists={"joystick": along},
+    )  # fmt: skip
+    tick.objectives = arm.redundancy.objectives
+    found = arm.resolved(tick)
     assert found.scale == 1.0
     assert found.limits == ()
     for twist in (found.twist, held.part(k.J @ found.dq_asked)):
@@ -175,7 +178,7 @@ def test_barriers_spare_the_path_of_what_is_held_alone(pa10):
     inputs = Inputs(0.0, Intent.MOVE, q, settings)
     tick = arm.solve(told.arms[0], told.commanded, inputs)
     arm.before_barriers(tick, True)
-    k = tick.seen.kinematics
+    k = tick.kinematics
     R = np.kron(np.eye(2), k.T_world_mrf.R)
     expected = R @ np.diag([1, 0, 1, 0, 1, 1]) @ R.T @ k.J
     np.testing.assert_allclose(tick.path, expected, atol=1e-12)
