@@ -6,7 +6,7 @@ from binascii import crc_hqx
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -65,37 +65,37 @@ class ObjectStore:
     """Values by index and sub-index; integers are kept as integers.
 
     `on_write(index, subindex, value)` is called before a value that came over the bus is stored,
-    and may refuse it with `RefusedError`. `sample()` is called before a measured object is read.
+    and may refuse it with `RefusedError`.
     """
 
     def __init__(
         self,
         node: int,
         on_write: Callable[[int, int, int], None],
-        sample: Callable[[], None],
         eds: Path = EDS,
     ) -> None:
         self.object_dictionary = _dictionary(eds, node)
         self._on_write = on_write
-        self.sample = sample
         self.image = _Image(lambda key: int(self.variable(*key).default or 0))
-        """All values as they were last written or sampled, without a look at what is measured."""
-        self.measured: set[tuple[int, int]] = set()
-        """Objects that `sample` writes."""
+        """All values as they were last written, without what is measured."""
+        self.measured: dict[tuple[int, int], Callable[[], int]] = {}
+        """What measures an object when it is read."""
         self.choices: dict[tuple[int, int], frozenset[int]] = {}
         """The only values of an object, where it is no range (LowLimit, HighLimit of the EDS)."""
 
     def reset(self, *, communication_only: bool = False) -> None:
         """Go back to the defaults of the EDS, everywhere or in 1000h to 1FFFh only."""
-        for key in self.image.keys() - self.measured:
+        for key in [*self.image]:
             if not communication_only or key[0] < 0x2000:
                 del self.image[key]
 
     def __getitem__(self, key: tuple[int, int]) -> int:
         """Return an integer object's value. Raises `KeyError` for an object that is none."""
-        if key in self.measured:
-            self.sample()
-        return self.image[key]
+        return self.reader(key)()
+
+    def reader(self, key: tuple[int, int]) -> Callable[[], int]:
+        """Return what reads an integer object."""
+        return self.measured.get(key) or partial(self.image.__getitem__, key)
 
     def __setitem__(self, key: tuple[int, int], value: int) -> None:
         self.image[key] = value
@@ -180,9 +180,8 @@ class Pdo:
     transmission: int
     keys: tuple[tuple[int, int], ...]
     layout: struct.Struct
-    store: ObjectStore
-    measured: bool
-    """Whether it maps an object that is measured."""
+    readers: tuple[Callable[[], int], ...]
+    """Of the mapped objects."""
     inhibit: int = 0
     """At least so long after the one before [100 µs]; of an event's."""
     timer: int = 0
@@ -195,9 +194,7 @@ class Pdo:
 
     def pack(self) -> bytes:
         """Return the mapped objects' present values as they travel."""
-        if self.measured:
-            self.store.sample()
-        return self.layout.pack(*map(self.store.image.__getitem__, self.keys))
+        return self.layout.pack(*[read() for read in self.readers])
 
 
 def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
@@ -221,8 +218,8 @@ def existing_pdos(store: ObjectStore, *, receive: bool) -> tuple[Pdo, ...]:
         transmission = store[communication + number, 2]
         layout = struct.Struct("<" + letters)
         times = (0, 0) if receive else _times(store, communication + number)
-        measured = not store.measured.isdisjoint(keys)
-        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, store, measured, *times))
+        readers = tuple(map(store.reader, keys))
+        found.append(Pdo(cob_id & _CAN_ID, transmission, keys, layout, readers, *times))
     return tuple(found)
 
 
@@ -498,7 +495,7 @@ class CanNode:
         self.link = link
         self.clock = clock
         link.on_frame = self.receive
-        self.objects = ObjectStore(node, self._before_write, self.sample, eds)
+        self.objects = ObjectStore(node, self._before_write, eds)
         self._sdo = NodeSdoServer(node, self.objects, link.send)
         self.nmt = NmtState.BOOT_UP
         self.master_lost = False
@@ -514,9 +511,6 @@ class CanNode:
         self._master_beat_s: float | None = None
 
     # --- what a device fills in -----------------------------------------------------------------
-
-    def sample(self) -> None:
-        """Write what is measured now into the objects' image."""
 
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the state after power-on, or after a reset of the communication."""

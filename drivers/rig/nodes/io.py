@@ -29,16 +29,12 @@ class SimulatedSwitch(CanNode):
         super().__init__(switch.node, link, clock, INPUT_EDS)
         self._all = sum(1 << bit for bit in set(switch.inputs))
         self.contacts = self._all
-        self.objects.measured.add((IoObject.READ_INPUT, 1))
+        self.objects.measured[IoObject.READ_INPUT, 1] = lambda: self.contacts
 
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
         """Make the switch in the operator's hand."""
         return cls(cast(EnablingSwitchSection, entry.section), bench.link(), bench.clock)
-
-    def sample(self) -> None:
-        """Write which contacts are on."""
-        self.objects.image[IoObject.READ_INPUT, 1] = self.contacts
 
     def inject(self, fault: RigFault) -> None:
         """Hold or release the switch. Raises `ValueError` for other faults."""

@@ -209,16 +209,14 @@ class SimulatedImu(CanNode):
         self._scale = np.array([[imu.acceleration_per_bit], [imu.rate_per_bit]])
         self._most = np.array([[imu.acceleration_range], [imu.rate_range]])
         self._sampled_s, self._frozen = -1.0, False
-        self._axes = tuple(
-            (index, axis + 1)
-            for index in (imu.acceleration_object, imu.rate_object)
-            for axis in range(3)
-        )
+        self._counts = [0] * 6
+        """The newest sample: acceleration and rate."""
         known = self.objects.object_dictionary
         for row, index in enumerate((imu.acceleration_object, imu.rate_object)):
             if index not in known:  # another maker's: the same sensor, elsewhere
                 known.indices[index] = known[_OBJECTS[row]]
-        self.objects.measured.update(self._axes)
+            for axis in range(3):
+                self.objects.measured[index, axis + 1] = partial(self._sample, 3 * row + axis)
 
     @classmethod
     def from_bench(cls, entry: Entry, bench: Bench) -> Self:
@@ -237,16 +235,16 @@ class SimulatedImu(CanNode):
         else:
             raise ValueError(f"fault {fault.kind}: an imu can only freeze, or have a bias")
 
-    def sample(self) -> None:
-        """Write a new sample, unless this instant's is there already."""
+    def _sample(self, axis: int) -> int:
+        """Return an axis of this instant's sample, which is a new one if it is not there yet."""
         now = self.clock()
         if now != self._sampled_s and not self._frozen:
             self._sampled_s = now
             reading = np.array(self._motion()) + self._bias + self._shift
             reading += self._noise * self._rng.normal(size=(2, 3))
             held = np.clip(reading, -self._most, self._most)
-            counts = np.rint(held / self._scale).astype(int).ravel().tolist()
-            self.objects.image.update(zip(self._axes, counts, strict=True))
+            self._counts = np.rint(held / self._scale).astype(int).ravel().tolist()
+        return self._counts[axis]
 
 
 # --- A simulated SICK LMS111: answers requests, and sends a telegram for every scan (CoLa-A) ------

@@ -134,44 +134,49 @@ _I16: Final = 2**15 - 1
 _REACHED_RAD: Final = 1e-3
 
 
-_POSITION_DEMAND: Final = (Object.POSITION_DEMAND, 0)
-_POSITION_ACTUAL: Final = (Object.POSITION_ACTUAL, 0)
-_VELOCITY_ACTUAL: Final = (Object.VELOCITY_ACTUAL, 0)
-_FOLLOWING_ERROR: Final = (Object.FOLLOWING_ERROR, 0)
-_TORQUE_ACTUAL: Final = (Object.TORQUE_ACTUAL, 0)
-_RATED_TORQUE: Final = (Object.RATED_TORQUE, 0)
-
-
 class Measured:
     """One joint as its drive's encoder and current sensor tell it, in the drive's own units."""
-
-    objects = (
-        _POSITION_DEMAND,
-        _POSITION_ACTUAL,
-        _VELOCITY_ACTUAL,
-        _FOLLOWING_ERROR,
-        _TORQUE_ACTUAL,
-        _RATED_TORQUE,
-    )
 
     def __init__(self, drive: DriveSection, joint: int, loop: DriveLoops, world: World) -> None:
         self._joint, self._loop, self._world = joint, loop, world
         self._scale, self._zero = drive.direction * drive.counts_per_radian, drive.zero_rad
         self._rated, self._direction = drive.rated_torque, drive.direction
 
-    def sample(self, image: dict[tuple[int, int], int]) -> bool:
-        """Write each object as it is now; return whether the joint stands at its reference."""
-        joint, world, scale, zero = self._joint, self._world, self._scale, self._zero
-        speed, error = world.dq.item(joint), self._loop.error.item(joint)
-        angle = world.q.item(joint) + world.ahead_s * speed
-        image[_POSITION_ACTUAL] = wrapped(round(scale * (angle - zero)))
-        image[_POSITION_DEMAND] = wrapped(round(scale * (angle + error - zero)))
-        image[_VELOCITY_ACTUAL] = round(scale * speed)
-        image[_FOLLOWING_ERROR] = round(scale * error)
-        share = self._loop.reported.item(joint) / self._rated * self._direction
-        image[_TORQUE_ACTUAL] = max(-_I16, min(_I16, round(share * 1000)))
-        image[_RATED_TORQUE] = round(self._rated * 1000)
-        return abs(error) < _REACHED_RAD and self._loop.at_rest(joint)
+    @property
+    def objects(self) -> dict[tuple[int, int], Callable[[], int]]:
+        """What measures each of its objects."""
+        return {
+            (Object.POSITION_ACTUAL, 0): self._position,
+            (Object.POSITION_DEMAND, 0): lambda: self._position(self._error),
+            (Object.VELOCITY_ACTUAL, 0): lambda: round(self._scale * self._speed),
+            (Object.FOLLOWING_ERROR, 0): lambda: round(self._scale * self._error),
+            (Object.TORQUE_ACTUAL, 0): self._torque,
+            (Object.RATED_TORQUE, 0): lambda: round(self._rated * 1000),
+        }
+
+    @property
+    def reached(self) -> bool:
+        """Whether the joint stands at its reference."""
+        return abs(self._error) < _REACHED_RAD and self._loop.at_rest(self._joint)
+
+    @property
+    def _speed(self) -> float:
+        speed: float = self._world.dq.item(self._joint)
+        return speed
+
+    @property
+    def _error(self) -> float:
+        error: float = self._loop.error.item(self._joint)
+        return error
+
+    def _position(self, ahead: float = 0.0) -> int:
+        world, joint = self._world, self._joint
+        angle = world.q.item(joint) + world.ahead_s * world.dq.item(joint)
+        return wrapped(round(self._scale * (angle + ahead - self._zero)))
+
+    def _torque(self) -> int:
+        share: float = self._loop.reported.item(self._joint) / self._rated * self._direction
+        return max(-_I16, min(_I16, round(share * 1000)))
 
 
 # --- Power stage and brake of one simulated drive: who holds the joint, and when that changes -----
@@ -331,7 +336,7 @@ class SimulatedDrive(CanNode):
         self._asked = False
         self._cut = False
         self._measured = Measured(drive, joint, loop, world)
-        self.objects.measured.update(self._measured.objects, (_STATUSWORD,))
+        self.objects.measured |= {**self._measured.objects, _STATUSWORD: self._statusword}
         choices = self.objects.choices
         choices[Object.MODE_OF_OPERATION, 0] = frozenset((_NO_MODE, *_MODES))
         choices[Object.QUICK_STOP_OPTION, 0] = frozenset((_AT_ONCE, _RAMP, _RAMP_AND_STAY))
@@ -359,19 +364,17 @@ class SimulatedDrive(CanNode):
             code = value_of(fault, 0, 0xFFFF, "", default=EmcyCode.OVERTEMPERATURE)
             self.emergency(round(code))
 
-    def sample(self) -> None:
-        """Write 6041h, and what encoder and current sensor tell."""
-        reached = self._measured.sample(self.objects.image)
+    def _statusword(self) -> int:
         word = _ALWAYS | cia402.STATE_BITS[self.state]
         if self.state is _ENABLED:
             word |= Status.FOLLOWS_COMMAND
-            if reached:
+            if self._measured.reached:
                 word |= Status.TARGET_REACHED
         if self._cut:
             word |= Status.INTERNAL_LIMIT
         if self._error is EmcyCode.FOLLOWING_ERROR:
             word |= Status.FOLLOWING_ERROR
-        self.objects.image[_STATUSWORD] = word
+        return word
 
     def on_reset(self, *, communication_only: bool) -> None:
         """Take the power off; a fault outlives a reset of the communication only."""
