@@ -380,9 +380,15 @@ class Fieldbuses:
                 return
 
     def listen(self, seconds: float) -> None:
-        """Dispatch what is heard in so long [s], or until there is trouble."""
+        """Dispatch what is heard in so long [s], or until there is trouble.
+
+        What has waited counts, and the time for which it could: since a bus was opened, or since
+        frames were last taken off it.
+        """
         first, *others = self._all
-        first.wait_until(lambda: first.trouble is not None, seconds)
+        now_s, end_s = first.clock(), first.now + seconds
+        first.receive(now_s)
+        first.wait_until(lambda: first.trouble is not None, end_s - now_s)
         for bus in others:  # meanwhile their frames have waited
             bus.receive(bus.clock())
 

@@ -115,6 +115,40 @@ def test_a_second_master_on_the_second_bus_keeps_every_drive_from_being_opened(p
         plant.it.open()
 
 
+@pytest.mark.parametrize("passed_s", [0.0, 0.1, 0.3])
+def test_another_master_is_listened_for_since_a_bus_was_opened(passed_s):
+    class Bus(InProcessBus):
+        def take(self, timeout=0.0):
+            now.s += timeout
+            return super().take(0.0)
+
+    hub, now = Hub(), SimpleNamespace(s=5.0)
+    buses = Fieldbuses(Fieldbus(Bus(hub), lambda: now.s, "bus"))
+    now.s += passed_s
+    buses.listen(0.25)
+    assert now.s == pytest.approx(5.0 + max(0.25, passed_s))
+    assert buses.trouble is None
+    InProcessBus(hub).put(can301.SYNC_ID, b"")
+    now.s += 1.0
+    before_s = now.s
+    buses.listen(0.25)
+    assert now.s == before_s, "it has waited for longer than is asked"
+    assert buses.trouble.cause is Cause.SECOND_MASTER
+
+
+def test_what_is_heard_while_another_master_is_listened_for_ends_it():
+    class Bus(InProcessBus):
+        def take(self, timeout=0.0):
+            if timeout:
+                other.put(can301.SYNC_ID, b"")
+            return super().take(0.0)
+
+    hub = Hub()
+    buses, other = Fieldbuses(Fieldbus(Bus(hub), lambda: 0.0, "bus")), InProcessBus(hub)
+    buses.listen(0.25)
+    assert buses.trouble.cause is Cause.SECOND_MASTER
+
+
 def test_waiting_ends_when_any_bus_has_something(tmp_path):
     names = ("239.74.163.77", "239.74.163.78")
     buses = tuple(
