@@ -17,6 +17,7 @@ import numpy as np
 from ...config.load import Cell
 from ...config.schema.surroundings import CameraSection, ObstacleSection, Shape, Stale
 from ...protocols.messages.perception import ObstacleNews
+from ..control.compiled import evolve
 from ..control.scene import UNBOUNDED, Boxes, Rounds, Scene
 from ..control.spatial import Array, rotation_rpy
 from ..events import Events
@@ -112,6 +113,8 @@ class ObstacleMap:
         self._doubts: dict[str, tuple[int, str]] = {}
         """By name: the tick since when an obstacle is doubted, and why in words."""
         self._still: Scene | None = None
+        self._table: _Table | None = None
+        """None where news came since it was made."""
         self._changed: dict[str, None] = {}
         """Names of those whose news was taken since `told` was last asked, the oldest first."""
 
@@ -182,7 +185,7 @@ class ObstacleMap:
         self._note(news.name)
         if news.name in self._doubts and news.tick > self._doubts[news.name][0]:
             del self._doubts[news.name]
-        self._still = None
+        self._still = self._table = None
 
     def doubt(self, name: str, tick: int, why: str) -> None:
         """Count an obstacle as stale until its own sender tells of it again.
@@ -288,7 +291,7 @@ class ObstacleMap:
         if len(self._gone) >= 4 * MOST:
             del self._gone[next(iter(self._gone))]
         self._gone[news.name] = news.tick
-        self._still = None
+        self._still = self._table = None
         self._note(news.name)
         self._events.info("obstacle_removed", news.name)
 
@@ -348,53 +351,12 @@ class ObstacleMap:
         """Return what is known now, each obstacle where it is predicted to be."""
         if self._still is not None:
             return self._still
-        every = sorted(self._known.values(), key=lambda known: known.shape == "box")
-        scene = self._packed(every, tick)
+        if self._table is None:
+            self._table = _Table(self._known.values(), self._period_s)
+        scene = self._table.scene(tick, self.stop)
         if not scene.moves:
             self._still = scene
         return scene
-
-    def _packed(self, every: list[TrackedObstacle], tick: int) -> Scene:
-        rounds = [known for known in every if known.shape != "box"]
-        boxes = every[len(rounds) :]
-        age = np.array([self._age(k, tick) if k.moves else 0.0 for k in every])
-        still = np.array([k.timeout_s if k.stale == "keep" else np.inf for k in every])
-        believed = np.array([k.max_acceleration is not None and k.moves for k in every], dtype=bool)
-        velocity = _rows(k.velocity for k in every) * believed[:, None]
-        velocity[age > still] = 0.0
-        way = _rows(k.velocity for k in every) * (believed * np.minimum(age, still))[:, None]
-        shift = way[: len(rounds)]
-        # Off its prediction an obstacle is at most as fast as both together.
-        speed = np.array([k.max_speed for k in every], dtype=float)
-        speed = speed + believed * np.sqrt((_rows(k.velocity for k in every) ** 2).sum(axis=1))
-        return Scene(
-            names=tuple(k.name for k in every),
-            rounds=Rounds(
-                start=_rows(k.xyz for k in rounds) + shift,
-                end=_rows(k.to for k in rounds) + shift,
-                radius=np.array([k.radius for k in rounds], dtype=float),
-                line=np.array([k.shape == "sight_line" for k in rounds], dtype=bool),
-                carrier=np.array([k.carrier for k in rounds], dtype=np.int64),
-            ),
-            boxes=Boxes(
-                R=np.array([rotation_rpy(*k.rpy) for k in boxes]).reshape(-1, 3, 3),
-                centre=_rows(k.xyz for k in boxes) + way[len(rounds) :],
-                half=_rows(k.half_size for k in boxes),
-            ),
-            hard=np.array([k.hard for k in every], dtype=bool),
-            clearance=np.array([k.clearance for k in every], dtype=float),
-            velocity=velocity,
-            speed=speed,
-            acceleration=np.array(
-                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every],
-                dtype=float,
-            ),
-            age=age,
-            still_after=still,
-            observed=_rows(k.observed for k in every)
-            * np.array([self._part(k, tick) if k.moves else 0.0 for k in every])[:, None],
-            stop=self.stop,
-        )
 
     def _age(self, known: TrackedObstacle, tick: int) -> float:
         return max(0, tick - known.tick) * self._period_s
@@ -424,6 +386,73 @@ class ObstacleMap:
             fixed=obstacle.max_speed == 0.0,
             owner=None,
             tick=0,
+        )
+
+
+class _Table:
+    """All obstacles as arrays: what of a scene their news alone changes, and how the rest ages."""
+
+    def __init__(self, known: Iterable[TrackedObstacle], period_s: float) -> None:
+        every = sorted(known, key=lambda known: known.shape == "box")
+        rounds = [k for k in every if k.shape != "box"]
+        boxes = every[len(rounds) :]
+        velocity = _rows(k.velocity for k in every)
+        moves = np.array([k.moves for k in every], dtype=bool)
+        believed = np.array([k.max_acceleration is not None for k in every], dtype=bool) & moves
+        # Off its prediction an obstacle is at most as fast as both together.
+        speed = np.array([k.max_speed for k in every], dtype=float)
+        speed = speed + believed * np.sqrt((velocity**2).sum(axis=1))
+        self._told = Scene(
+            names=tuple(k.name for k in every),
+            rounds=Rounds(
+                start=_rows(k.xyz for k in rounds),
+                end=_rows(k.to for k in rounds),
+                radius=np.array([k.radius for k in rounds], dtype=float),
+                line=np.array([k.shape == "sight_line" for k in rounds], dtype=bool),
+                carrier=np.array([k.carrier for k in rounds], dtype=np.int64),
+            ),
+            boxes=Boxes(
+                R=np.array([rotation_rpy(*k.rpy) for k in boxes]).reshape(-1, 3, 3),
+                centre=_rows(k.xyz for k in boxes),
+                half=_rows(k.half_size for k in boxes),
+            ),
+            hard=np.array([k.hard for k in every], dtype=bool),
+            clearance=np.array([k.clearance for k in every], dtype=float),
+            velocity=velocity * believed[:, None],
+            speed=speed,
+            acceleration=np.array(
+                [UNBOUNDED if k.max_acceleration is None else k.max_acceleration for k in every],
+                dtype=float,
+            ),
+            age=np.zeros(len(every)),
+            still_after=np.array([k.timeout_s if k.stale == "keep" else np.inf for k in every]),
+            observed=_rows(k.observed for k in every),
+        )
+        """At the instant of each one's news."""
+        self._period_s, self._moves = period_s, moves
+        self._tick = np.array([k.tick for k in every], dtype=np.int64)
+        self._timeout_s = np.array([k.timeout_s for k in every], dtype=float)
+        self._part = np.array([k.observed_part for k in every], dtype=float)
+        self._fading = np.array([1.0 if k.observed_moving else -1.0 for k in every])
+
+    def scene(self, tick: int, stop: str | None) -> Scene:
+        """Return the scene of a tick."""
+        told = self._told
+        age = np.maximum(0, tick - self._tick) * self._period_s * self._moves
+        way = told.velocity * np.minimum(age, told.still_after)[:, None]
+        velocity = np.where((age > told.still_after)[:, None], 0.0, told.velocity)
+        fresh = 1.0 - np.maximum(0.0, age - self._timeout_s) / FADE_S
+        part = np.clip(np.minimum(self._part + self._fading * age / FADE_S, fresh), 0.0, 1.0)
+        rounds, boxes, count = told.rounds, told.boxes, len(told.rounds.radius)
+        shift = way[:count]
+        return evolve(
+            told,
+            rounds=evolve(rounds, start=rounds.start + shift, end=rounds.end + shift),
+            boxes=evolve(boxes, centre=boxes.centre + way[count:]),
+            velocity=velocity,
+            age=age,
+            observed=told.observed * (part * self._moves)[:, None],
+            stop=stop,
         )
 
 
