@@ -41,7 +41,7 @@ _SO_TIMESTAMPNS: Final = 35  # asm-generic/socket.h
 _SO_ATTACH_FILTER: Final = 26
 _BPF: Final = struct.Struct("=HBBI")
 """An instruction of the kernel's packet filter (linux/filter.h): code, jumps if so, if not, k."""
-MOST_AT_ONCE: Final = 1000
+_MOST_AT_ONCE: Final = 1000
 """Of the frames that wait so many are taken at once [1], and those behind them the next time."""
 _TIMESPEC: Final = struct.Struct("@ll")
 _ANCILLARY: Final = socket.CMSG_SPACE(_TIMESPEC.size)
@@ -253,7 +253,7 @@ def taking(bus: can.BusABC) -> Callable[[float], list[Frame]]:
         frames, message = [], bus.recv(timeout)
         while message is not None:
             frames.append(frame_of(message))
-            message = bus.recv(0.0) if len(frames) < MOST_AT_ONCE else None
+            message = bus.recv(0.0) if len(frames) < _MOST_AT_ONCE else None
         return frames
 
     return take
@@ -300,7 +300,7 @@ def _packets(
     `OSError`.
     """
     packets: list[tuple[bytes, float, Any]] = []
-    while len(packets) < MOST_AT_ONCE:
+    while len(packets) < _MOST_AT_ONCE:
         try:
             data, told, _, source = receiver.recvmsg(size, _ANCILLARY, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -405,7 +405,7 @@ class InProcessBus(can.BusABC):
         """
         self._wait(timeout)
         queue = self._queue
-        return [queue.popleft() for _ in range(min(len(queue), MOST_AT_ONCE))]
+        return [queue.popleft() for _ in range(min(len(queue), _MOST_AT_ONCE))]
 
     def _wait(self, timeout: float | None) -> None:
         if not self._queue and timeout != 0 and self.hub.pump is not None:

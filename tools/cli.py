@@ -45,10 +45,6 @@ def _rows() -> tuple[HelpRow, ...]:
 
 COMMANDS: Final = _rows()
 
-SELDOM: Final = 50_000
-"""So many new objects until the youngest are looked through for garbage, for Python's 700: what a
-start makes stays, and to look at it again and again takes an eighth of it [1]."""
-
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line."""
@@ -59,7 +55,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
-    gc.set_threshold(SELDOM)
+    gc.set_threshold(50_000)  # what a start makes stays; looking through it takes an eighth of it
     typed = list(sys.argv[1:] if argv is None else argv)
     asked = next((a for a in typed if not a.startswith("-")), None)
     command = next((c for c in COMMANDS if c.name == asked), None)

@@ -13,6 +13,7 @@ from typing import Any
 import can
 import msgpack
 import pytest
+from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 from telerobot.config.schema.bus import BusSection
 from telerobot.drivers import bus as buses
@@ -340,6 +341,34 @@ def test_a_kernels_frames_are_what_python_can_has_of_them(kernels, message) -> N
         return  # we ask nobody
     put_by_kernel(ours, *taken[:2])
     assert dissect_can_frame(other.recv(72)) == dissect_can_frame(build_can_frame(message))
+
+
+@pytest.mark.parametrize(
+    ("protocol", "quick"), [(can.CanProtocol.CAN_20, True), (can.CanProtocol.CAN_FD, False)]
+)
+def test_a_kernels_bus_of_classic_frames_goes_without_python_can(kernels, protocol, quick) -> None:
+    class Counted(SocketcanBus):
+        """As python-can opens one, on a line that stands for the kernel's."""
+
+        def __init__(self) -> None:
+            self.socket, self._can_protocol, self.asked = ours, protocol, 0
+
+        def send(self, msg, timeout=None):
+            self.asked += 1
+
+        def recv(self, timeout=None):
+            self.asked += 1
+
+        def __del__(self):
+            """Nothing was opened."""
+
+    ours, other = kernels
+    bus = Counted()
+    putting(bus)(0x123, b"out")
+    other.send(build_can_frame(can.Message(arbitration_id=0x456, is_extended_id=False, data=b"in")))
+    frames = taking(bus)(0.0)
+    assert bus.asked == (0 if quick else 2)
+    assert [frame[:2] for frame in frames] == ([(0x456, b"in")] if quick else [])
 
 
 def test_a_frame_is_waited_for_as_long_as_it_may_take_to_come(kernels) -> None:

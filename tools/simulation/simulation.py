@@ -126,7 +126,7 @@ class Simulation:
         self.buses = VirtualBuses(cell, self.clock.now, self._pump)
         self.real = cell if real is None else real
         self.rig = Rig(self.real, *self.buses.of_rig)
-        self.buses.listen(self._on_frame)
+        self.buses.listen(lambda bus, frame: self.observer.frame(frame[2], frame[0], frame[1], bus))
         if self._recorder is not None:
             self.buses.listen(partial(_record, self._recorder))
         self.link = MemoryLink()
@@ -243,11 +243,6 @@ class Simulation:
         self.buses.set_time(self.rig.time_s)
 
     # --- listening ---------------------------------------------------------------------------
-
-    def _on_frame(self, bus: int, frame: Frame) -> None:
-        """Every frame on a bus, whoever sent it."""
-        can_id, data, time_s = frame
-        self.observer.frame(time_s, can_id, data, bus)
 
     def _on_sent(self, bus: int, can_id: int, data: bytes) -> None:
         self._hash.update(struct.pack("<HB", bus << 11 | can_id, len(data)) + data)
