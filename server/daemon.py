@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from threading import Thread
 from types import FrameType
 
 from ..config.bundle import to_text
@@ -27,7 +28,7 @@ from .loop import LoopStatistics, run
 from .mode import Mode
 from .operators.link import Link, ZenohLink, doubts, exposure
 from .plant import Plant
-from .process import Clock, MonotonicClock, notify, prepare, release
+from .process import Clock, MonotonicClock, notify, prepare, release, settle
 from .recorder import BlackBox
 
 RETRY_S = 0.5
@@ -134,7 +135,11 @@ def _run(
         cycle.warm_up()
         for notice in prepare():
             log.notice(notice)
-        if not _boot(cycle, clock, ending, log):
+        settling = Thread(target=settle, name="settling")
+        settling.start()  # beside the devices' boot, which waits more than it works
+        booted = _boot(cycle, clock, ending, log)
+        settling.join()
+        if not booted:
             return LoopStatistics()
         print(f"telerobot: {cell.config.name} is ready at {cell.config.zenoh.endpoint}", flush=True)
         notify("READY=1")

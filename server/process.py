@@ -91,11 +91,10 @@ _PRIVATE = re.compile(
 def prepare() -> list[str]:
     """Ask for what a loop in real time needs; return a notice for each that was denied.
 
-    That is real-time scheduling, locked memory and processors that wake up quickly; huge pages,
-    too, without a notice.
+    That is real-time scheduling, locked memory and processors that wake up quickly.
 
-    Garbage collection is frozen and off afterwards: the loop collects in its slack. Another thread
-    of Python keeps the interpreter's lock for `LOCKED_S` at most once the loop asks for it.
+    Garbage collection is off afterwards: the loop collects in its slack. Another thread of Python
+    keeps the interpreter's lock for `LOCKED_S` at most once the loop asks for it.
     """
     notices = []
     sys.setswitchinterval(LOCKED_S)
@@ -107,7 +106,6 @@ def prepare() -> list[str]:
             "grant CAP_SYS_NICE or an rtprio limit"
         )
     libc = ctypes.CDLL(None, use_errno=True)
-    settle()
     gc.disable()
     if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
         notices.append(
