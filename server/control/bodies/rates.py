@@ -137,6 +137,7 @@ class ArmTick:
     found. What of it the next tick needs, `ArmMemory` takes over.
     """
 
+    # What is measured.
     inputs: Inputs
     kinematics: Kinematics
     """Of the commanded posture."""
@@ -162,8 +163,20 @@ class ArmTick:
     """Where a Base that moves is; None: Base stands."""
     below: Carrier = IN_WORLD
     """What Base stands on, at the MRF."""
-    held: HeldAxes | None = None
-    """Axes of the MRF that the task holds; None: all."""
+
+    # What is remembered, and changed on the way.
+    insertion: Insertion | None = None
+    """Where along its curve it was a tick ago."""
+    by_hand: HandState = IDLE
+    """How far an operator's self-motion had come."""
+    retreat: RetreatState | None = None
+    """How far the arm gave way, and from `Arm.answer` on gives way now."""
+    grasp: GraspState | None = None
+    """Memory of the payload that it holds with others."""
+    resistance: Resistance | None = None
+    """What holds the arm up: a tick ago, and from the barriers on now."""
+
+    # What the task asks for.
     task: TaskMemory = field(init=False)
     """Memory of the sources: the gains in effect, and how far the goal is under way."""
     gains: ObjectiveGains = field(init=False)
@@ -172,49 +185,43 @@ class ArmTick:
     """Gains of those that act."""
     moving_since_s: float | None = None
     """When the arm was last enabled or resumed, None while it may not move [s]."""
-    asked: Array = field(default_factory=lambda: NO_TWIST)
-    """The twist (6,) that the body is to resolve, of the MRF in World axes [m/s, rad/s]."""
-    off_path: Array | None = None
-    """Where the virtual links have the tool off its path, in World (3,) [m]."""
-    links: LinkState | None = None
-    """The virtual links in effect; None for an arm without any."""
-    way: Array = field(default_factory=lambda: NO_LEVER)
-    """Where the links' straight path goes as a whole, in World (3,) [m]; zeros without one."""
-    insertion: Insertion | None = None
-    """Where along its curve it was a tick ago."""
-    by_hand: HandState = IDLE
-    """How far an operator's self-motion had come."""
     settled: bool = False
     """The arm is at a posture, where spare joints stand."""
+    held: HeldAxes | None = None
+    """Axes of the MRF that the task holds; None: all."""
+    links: LinkState | None = None
+    """The virtual links in effect; None for an arm without any."""
+    off_path: Array | None = None
+    """Where the virtual links have the tool off its path, in World (3,) [m]."""
+    way: Array = field(default_factory=lambda: NO_LEVER)
+    """Where the links' straight path goes as a whole, in World (3,) [m]; zeros without one."""
     twists: Mapping[str, Array] = field(default_factory=dict)
     """What each source asks for (6,) [m/s, rad/s]."""
     twist: Array = field(init=False)
     """Their sum (6,)."""
-    scale: float = 1.0
-    """Share of that which bounds of the tool's speed leave, 0 to 1."""
-    limits: tuple[str, ...] = ()
-    """Names of what limited this tick, at each stage."""
     whole: Mapping[str, Array] = field(default_factory=dict)
     """Rates (n,) of objectives that are taken whole, by name."""
     by_joint: bool = False
     """The joints are commanded themselves: jogged, or led to a posture."""
     stance: Stance = STANDS
     """How the arm meets what comes."""
+    scale: float = 1.0
+    """Share of that which bounds of the tool's speed leave, 0 to 1."""
+    asked: Array = field(default_factory=lambda: NO_TWIST)
+    """The twist (6,) that the body is to resolve, of the MRF in World axes [m/s, rad/s]."""
+
+    # What the body makes of it.
     found: JointRates = field(init=False)
     """What the body resolved, before anything came beside it."""
     dq_asked: Array = field(init=False)
     """Joint rates (n,) that are asked for in all [rad/s]."""
+
+    # What barriers leave.
     path: Array | None = None
     """Jacobian of the motion that a tool on a driven base keeps, in the arm's own joints (6, n), or
     in all that move the tool; None: the tool's own."""
     motion_commanded: bool = True
     """False of an arm that accommodates at most: it makes no way for what comes."""
-    retreat: RetreatState | None = None
-    """How far the arm gave way, and from `Arm.answer` on gives way now."""
-    grasp: GraspState | None = None
-    """Memory of the payload that it holds with others."""
-    resistance: Resistance | None = None
-    """What holds the arm up: a tick ago, and from the barriers on now."""
     allowed: Array = field(init=False)
     """Joint rates (n,) that keep every barrier [rad/s]."""
     share: float = 1.0
@@ -226,6 +233,8 @@ class ArmTick:
     """The arm was to go out of the way of something that comes."""
     shown: Shown | None = field(init=False, default=None)
     """The pairs of links and obstacles that are near; None where clearances are not kept."""
+
+    # What is sent, and told.
     motion: Motion = field(init=False)
     """Command of the joints (n,)."""
     stop_worsened: bool = field(init=False, default=False)
@@ -234,6 +243,8 @@ class ArmTick:
     """Setpoints of the drives (n,): rad, rad/s or N·m."""
     refusal: str | None = field(init=False, default=None)
     """Why the gate refused the command; the drives must quick-stop then."""
+    limits: tuple[str, ...] = ()
+    """Names of what limited this tick, at each stage."""
     at_rest: bool = field(init=False)
     T_world_mrf_measured: Pose = field(init=False)
     at_goal: bool = field(init=False)
