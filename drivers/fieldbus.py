@@ -32,7 +32,7 @@ from .device import Cause, DeviceError, Trouble
 
 # --- The CAN master on one bus: SYNC, heartbeat, dispatch of frames, and SDO without a thread -----
 #
-# Cyclic PDOs go to their decoder by identifier; heartbeats, emergencies and the SDO replies
+# Cyclic PDOs and heartbeats go to who decodes them, by identifier; emergencies and the SDO replies
 # that were asked for go to canopen, whose network is used without its Notifier thread: an SDO
 # request pumps the bus until its reply has been handed over, so that canopen finds it in its
 # queue. Frames of other identifiers are dropped. Nothing here blocks but SDOs, `wait` and
@@ -52,7 +52,6 @@ _SDO_ABORT: Final = 0x80
 _SDO_BYTES: Final = 8
 _BUS_OFF: Final = 0x40  # socketcan's error class CAN_ERR_BUSOFF
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # its errors are raised to us too
-_HEARTBEATS: Final = can301.heartbeat_id(0)
 _STATES: Final = frozenset(can301.NmtState)
 _OPERATIONAL: Final = bytes((can301.NmtState.OPERATIONAL,))
 
@@ -124,16 +123,19 @@ class Fieldbus:
         self._only_known = True
         self._set_filter()
 
-    def add_node(self, node_id: int, eds: Path | None) -> canopen.RemoteNode:
+    def add_node(
+        self, node_id: int, eds: Path | None, on_heartbeat: Callable[[int], None]
+    ) -> canopen.RemoteNode:
         """Make a node with these objects known, in place of one with the same id.
 
-        Only we may command it.
+        Only we may command it. `on_heartbeat` is told the NMT state in each of its heartbeats.
         """
         node = canopen.RemoteNode(node_id, _dictionary(eds, node_id))
         node.sdo.RESPONSE_TIMEOUT = 0.0  # the reply is there before canopen looks for it
         self.network.add_node(node)
         node.emcy.add_callback(lambda _emcy: _forget(node))
-        self._for_canopen |= {can301.heartbeat_id(node_id), can301.emcy_id(node_id)}
+        self._for_canopen.add(can301.emcy_id(node_id))
+        self._handlers[can301.heartbeat_id(node_id)] = partial(_heartbeat, on_heartbeat)
         self._masters |= {can301.rpdo1_id(node_id), can301.sdo_request_id(node_id)}
         self._replies.add(can301.sdo_reply_id(node_id))
         self._set_filter()
@@ -289,11 +291,8 @@ class Fieldbus:
             elif can_id == self._awaited and len(data) != _SDO_BYTES:
                 self.malformed += 1  # canopen would look for more in it
             elif can_id in self._for_canopen or can_id == self._awaited:
-                if can_id > _HEARTBEATS and (not data or data[0] not in _STATES):
-                    self.malformed += 1  # canopen would keep a state that it cannot name
-                else:
-                    # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
-                    self.network.notify(can_id, bytearray(data), stamp)
+                # Of others, canopen queues SDO and LSS replies for ever: nobody asked for them.
+                self.network.notify(can_id, bytearray(data), stamp)
         except (FrameError, struct.error, IndexError):
             self.malformed += 1
 
@@ -313,6 +312,13 @@ class Fieldbus:
     def _fail(self, cause: Cause, detail: str, **values: int) -> None:
         if self.trouble is None:
             self.trouble = Trouble(cause, self.name, detail, dict(values))
+
+
+def _heartbeat(heard: Callable[[int], None], data: bytes, _stamp: float) -> None:
+    """Tell the NMT state in a heartbeat (CiA 301, 7.2.8.3.2); raises `FrameError` without one."""
+    if not data or data[0] not in _STATES:
+        raise FrameError(f"heartbeat: no NMT state: {data!r}")
+    heard(data[0])
 
 
 def _forget(node: canopen.RemoteNode) -> None:

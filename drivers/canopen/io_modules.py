@@ -32,8 +32,7 @@ class WatchedNode:
         self.name, self.node_id = name, node_id
         self.state: NmtState | None = None
         self._bus, self._timing = fieldbus, timing
-        self._node = fieldbus.add_node(node_id, eds)
-        self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
+        self._node = fieldbus.add_node(node_id, eds, self._on_heartbeat)
         self._heard_s: float | None = None
         self._opened = self._restarted = False
 

@@ -236,9 +236,8 @@ class ServoDrive(JointDrive):
         self.turns = Unwrapped() if endless else None
         """Counts of a wheel."""
         self._limits = servo_setup.whole_range(drive) if endless else (lower, upper)
-        self.node = fieldbus.add_node(drive.node, eds)
+        self.node = fieldbus.add_node(drive.node, eds, self._on_heartbeat)
         self._standstill = Standstill(self.node, drive, mode, *self._limits)
-        self.node.nmt.add_heartbeat_callback(self._on_heartbeat)
         self.node.emcy.add_callback(self._on_emcy)
         self._tpdo_id = can301.tpdo1_id(drive.node)
         fieldbus.listen(self._tpdo_id, self._on_feedback)

@@ -155,12 +155,24 @@ def test_other_frames_are_dispatched_while_an_sdo_waits(cell: Any) -> None:
     assert got == [b"\x07"]
 
 
+def test_heartbeats_tell_states_and_what_names_none_is_counted() -> None:
+    hub, told = Hub(), []
+    fieldbus, other = Fieldbus(InProcessBus(hub)), InProcessBus(hub)
+    fieldbus.add_node(5, None, told.append)
+    for data in (b"\x00", b"\x7f", b"\x05", b"", b"\x03", b"\x85"):
+        other.put(0x705, data)
+    other.put(0x706, b"\x05")  # a node that nobody knows
+    fieldbus.receive(0.0)
+    assert told == [can301.NmtState.BOOT_UP, can301.NmtState.PRE_OPERATIONAL, 5]
+    assert fieldbus.malformed == 3
+
+
 def test_sdo_and_wait_work_over_udp() -> None:
     dice = random.SystemRandom()
     address = f"239.74.{dice.randrange(256)}.{dice.randrange(1, 255)}", dice.randrange(20000, 60000)
     far = LoopbackBus(*address)
     fieldbus = Fieldbus(LoopbackBus(*address))
-    node = fieldbus.add_node(5, None)
+    node = fieldbus.add_node(5, None, lambda _state: None)
 
     def answer() -> None:
         request = far.recv(5.0)
@@ -220,7 +232,7 @@ def test_frames_that_nobody_asked_for_leave_nothing_behind() -> None:
     """Of every identifier that is not the master's own: SDO and LSS replies, emergencies …"""
     hub = Hub()
     fieldbus, stranger = Fieldbus(InProcessBus(hub)), InProcessBus(hub)
-    fieldbus.add_node(5, None)
+    fieldbus.add_node(5, None, lambda _state: None)
     own = {0x000, 0x080, 0x77F, 0x205, 0x605}
     frames = [
         frame(can_id, bytes((0x43, 0, 0x10, 0, 1, 2, 3, 4)))
