@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from .section import Name, Section, Vector3
 
@@ -193,15 +193,6 @@ class ObjectivesSection(Section):
 
 OBJECTIVES = tuple(ObjectivesSection.model_fields)
 """Names of the redundancy objectives, in the order in which their rates are summed."""
-
-
-def _known(name: str) -> str:
-    if name not in OBJECTIVES:
-        raise ValueError(f"no such objective: the objectives are {', '.join(OBJECTIVES)}")
-    return name
-
-
-ObjectiveName = Annotated[str, AfterValidator(_known)]
 
 
 class RedundancySection(ObjectivesSection):

@@ -24,10 +24,11 @@ from telerobot.server.control.backbone.curve import centre_line, told_section
 from telerobot.server.control.backbone.insertion import Backbone
 from telerobot.server.control.inputs import ToldTunnel
 from telerobot.server.control.spatial import Pose
-from telerobot.server.perception.scanning.contour import CellPlane, crossed
+from telerobot.server.perception.scanning.contour import CellPlane
 from telerobot.server.perception.scanning.reflex import CriticalPoints
 from telerobot.tools.recording.plot.figure import Array, RecordedRun, load_recording
 
+from ..papers.lwa3 import cell_of, crossed
 from .alone import run_alone
 
 # --- A rover before a bridge, as in Zhang et al. 2013: scan, contour, tool and elbow over time ----
@@ -150,7 +151,7 @@ def _contour(figure: Figure, ax: Axes, moment: _Moment) -> None:
     legend.append(Line2D([], [], color="k", marker=".", label="arm"))
     if news["posture"] is not None:
         goal = moment.points.of(np.array(news["posture"])[None])[0]
-        i, j = plane.cell_of(*goal[-1, 1:].tolist())
+        i, j = cell_of(plane, *goal[-1, 1:].tolist())
         corner = (j * plane.cell - half, i * plane.cell)
         ax.add_patch(Rectangle(corner, plane.cell, plane.cell, fill=False, ec="tab:red", lw=2.2))
         ax.plot(goal[:, 1], goal[:, 2], "--", color="tab:red", lw=1.2)

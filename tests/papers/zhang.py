@@ -20,12 +20,11 @@ from telerobot.server.control.scene import Flags
 from telerobot.server.control.spatial import Array, Pose, pose_error, rotation_rpy, sizes
 from telerobot.server.control.stop.limiter import Commanded
 from telerobot.server.control.wheels import DifferentialDrive, Rolled
-from telerobot.server.perception.scanning.contour import crossed
 from telerobot.server.perception.scanning.reflex import CriticalPoints
 from telerobot.tools.scripts.script import Script
 
 from .exhibit import Exhibit, Paper, Shown, at_least, at_most, near, recalled
-from .lwa3 import PLANE, START, bridge, search, touched
+from .lwa3 import PLANE, START, bridge, cell_of, crossed, search, touched
 from .rover import FOOT, Rover, filled, found_and_false
 from .runs import Run, run
 from .style import BOUND, COLOURS, PRINTED, above, label, panels, svg
@@ -340,7 +339,7 @@ def order() -> Shown:
         for a, b in itertools.combinations(higher[-1][[0, 1, -1]], 2)
     )
     first, last = (critical.of(postures[k][None])[0] for k in (0, -1))
-    cells = [PLANE.cell_of(x[1], x[2]) for x in (first[0], first[1], first[-1])]
+    cells = [cell_of(PLANE, x[1], x[2]) for x in (first[0], first[1], first[-1])]
     numbers = [
         at_most("cells of F₁ to F₃ unlike a grid ten times as fine", wrong, "0", 0),
         *(

@@ -50,14 +50,6 @@ class CellPlane(NamedTuple):
         """Rows, upwards, and columns, from right to left."""
         return round(self.height / self.cell), round(self.width / self.cell)
 
-    def cell_of(self, y: float, z: float) -> tuple[int, int]:
-        """Return row and column of a point, from 0; they may be outside of the plane."""
-        # A point on a border is in the cell above, whatever its last bit says.
-        return (
-            int(np.floor(z / self.cell + 1e-9)),
-            int(np.floor((y + 0.5 * self.width) / self.cell + 1e-9)),
-        )
-
 
 def along_arc(points: Array, foot: Array, curvature: float) -> Array:
     """Return points (n, 3) as a base meets them that drives on an arc, left if positive [1/m].
@@ -354,34 +346,6 @@ NOTHING: Final = Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 """No obstacle at all."""
 
 
-def crossed(start: Array, end: Array, plane: CellPlane) -> Flags:
-    """Return the cells (rows, columns) that a projected segment touches, and their neighbours.
-
-    From y, z (2,) to y, z (2,) [m] (eq. 12).
-    """
-    rows, columns = plane.shape
-    wide = np.zeros((rows + 2, columns + 2), dtype=bool)
-    cuts = [0.0, 1.0]
-    way = end - start
-    for axis, origin in ((0, -0.5 * plane.width), (1, 0.0)):
-        if abs(way[axis]) > 1e-12:
-            ends = np.sort([start[axis] - origin, end[axis] - origin]) / plane.cell
-            borders = np.arange(np.ceil(ends[0] - 1e-9), np.floor(ends[1] + 1e-9) + 1)
-            cuts += ((borders * plane.cell + origin - start[axis]) / way[axis]).tolist()
-    at = np.unique(np.clip(cuts, 0.0, 1.0))
-    # The middle between two borders is inside of a cell; ends and borders belong to the cell above.
-    for t in np.concatenate([at, 0.5 * (at[:-1] + at[1:])]).tolist():
-        y, z = (start + t * way).tolist()
-        i, j = plane.cell_of(y, z)
-        if -1 <= i <= rows and -1 <= j <= columns:
-            wide[i + 1, j + 1] = True
-    grown = np.zeros_like(wide)
-    for di in (-1, 0, 1):
-        for dj in (-1, 0, 1):
-            grown |= np.roll(np.roll(wide, di, axis=0), dj, axis=1) if di or dj else wide
-    return grown[1:-1, 1:-1]
-
-
 def forbidden(start: Array, end: Array, plane: CellPlane, reach: float) -> Flags:
     """Return the cells (rows, columns) of which any point is within `reach` of a segment [m]."""
     rows, columns = plane.shape
@@ -391,11 +355,6 @@ def forbidden(start: Array, end: Array, plane: CellPlane, reach: float) -> Flags
     _distances(start, end, low, low + plane.cell, found)
     near: Flags = (found[0] <= reach).reshape(rows, columns)
     return near
-
-
-def interference(contour: Contour, area: Flags) -> Array:
-    """Return the contour where cells are forbidden, NaN elsewhere (eq. 13)."""
-    return np.where(area, contour.nearest, np.nan)
 
 
 def clearance(points: Array, obstacles: Obstacles) -> float:

@@ -4,7 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laboratory.papers.lwa3 import PLANE, START, search, touched
+from laboratory.papers.lwa3 import (
+    PLANE,
+    START,
+    cell_of,
+    crossed,
+    interference,
+    search,
+    touched,
+)
 from numpy.typing import NDArray
 from telerobot.server.perception.scanning.contour import (
     Contour,
@@ -13,9 +21,7 @@ from telerobot.server.perception.scanning.contour import (
     boxes_of,
     clearance,
     contour_of,
-    crossed,
     forbidden,
-    interference,
 )
 from telerobot.server.perception.scanning.placing import PointMemory
 
@@ -24,7 +30,7 @@ Array = NDArray[np.float64]
 
 def test_shoulder_elbow_and_tool_of_the_papers_posture_are_in_its_cells(tmp_path: Path) -> None:
     shoulder, elbow, *_, tool = search(tmp_path).points.of(START[None])[0]
-    cells = [PLANE.cell_of(p[1], p[2]) for p in (shoulder, elbow, tool)]
+    cells = [cell_of(PLANE, p[1], p[2]) for p in (shoulder, elbow, tool)]
     assert [(i + 1, j + 1) for i, j in cells] == [(7, 21), (11, 21), (18, 21)]
 
 
