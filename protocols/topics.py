@@ -217,7 +217,7 @@ class Life(Enum):
 
 @dataclass(frozen=True)
 class Topic:
-    """One row: key, message, direction, life, usual rate, delivery."""
+    """One row: key, message, direction, life, usual rate. What is congested is dropped."""
 
     key: str
     message: type[m.Message]
@@ -225,8 +225,6 @@ class Topic:
     life: Life = Life.ONCE
     rate_hz: float | None = None
     """Rate that a well-behaved sender keeps to; None: when needed."""
-    reliable: bool = False
-    """Delivered reliably, blocking its sender; else real-time priority, dropped when congested."""
     largest: int | None = None
     """Largest payload [B] of a message whose fields do not tell it (`topics.py`)."""
     unread: int = 8
@@ -307,7 +305,7 @@ CANCEL = _command("cancel", m.CancelGoals, Life.ONCE)
 SIGHTING = Topic("sensor/vision", Sighting, Flow.SENSOR, Life.STREAM, 20)
 # News of one obstacle must not push out another's.
 OBSTACLE = Topic(
-    "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, reliable=True, unread=128,
+    "sensor/obstacle", ObstacleNews, Flow.SENSOR, Life.STREAM, 20, unread=128,
     by_sender=True,
 )  # fmt: skip
 """An obstacle is its first sender's: nobody else moves or removes it."""
@@ -350,23 +348,19 @@ AVOIDANCE = _request("avoidance", AvoidanceRequest)
 REFLECT = _request("reflection", ReflectionRequest)
 
 STATE = Topic("tlm/state", State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
-EVENT = Topic("tlm/event", Event, Flow.TELEMETRY, reliable=True, largest=65536)
-DESCRIPTION = Topic(
-    "tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 5, reliable=True, largest=65536
-)
+EVENT = Topic("tlm/event", Event, Flow.TELEMETRY, largest=65536)
+DESCRIPTION = Topic("tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 5, largest=65536)
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)
 """Only of cells that reflect forces."""
 
 TICK = Topic("tlm/tick", RecordedTick, Flow.TELEMETRY, Life.STREAM, 100)
 """As a recorder hears it. STATE, DESCRIPTION, REFLECTION and TICK go while somebody listens."""
 
-HELD = Topic(
-    "tlm/obstacle", ObstacleNews, Flow.TELEMETRY, Life.STREAM, 20, reliable=True, unread=128
-)
+HELD = Topic("tlm/obstacle", ObstacleNews, Flow.TELEMETRY, Life.STREAM, 20, unread=128)
 """An obstacle as the daemon holds it, while somebody listens: news that it refused is not."""
 
-RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND, reliable=True)
-RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND, reliable=True)
+RIG_FAULT = Topic("rig/fault", RigFault, Flow.RIG_COMMAND)
+RIG_MOTION = Topic("rig/motion", moving.RigMotion, Flow.RIG_COMMAND)
 RIG_TRUTH = Topic("rig/truth", RigTruth, Flow.RIG_TELEMETRY, Life.STREAM, 100, largest=65536)
 
 TOPICS: tuple[Topic, ...] = (
