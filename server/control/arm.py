@@ -583,14 +583,14 @@ class Arm:
 
     def before_barriers(self, tick: ArmTick, beside: bool) -> None:
         """Tell the barriers what they have to know; `beside` tells whether clearances are kept."""
-        k, inputs, led = tick.kinematics, tick.inputs, not tick.by_joint
-        path = self.body.path(k, inputs.ground == "base")
-        if len(tick.below.dq) and not (led and inputs.ground != "base"):
+        k = tick.kinematics
+        path = self.body.path(k, tick.inputs.ground == "base")
+        if len(tick.below.dq) and not tick.led_in_world:
             path = k.J
-        if led and tick.held is not None:
+        if tick.held is not None and not tick.by_joint:
             path = tick.held.keep @ (tick.tool_jacobian(slice(0))[0] if path is None else path)
         tick.path = path
-        tick.motion_commanded = not beside or self.motion_commanded(tick.twists, inputs)
+        tick.motion_commanded = not beside or self.motion_commanded(tick.twists, tick.inputs)
 
     def finish(
         self,

@@ -396,3 +396,16 @@ def test_the_line_of_a_carried_camera_is_told_by_where_it_ends():
         known.tell(name, to=(1.0, 2.0, 0.5))
         (told,) = known.world.told(known.tick)
         assert (told.shape, told.xyz, told.to) == (None, None, (1.0, 2.0, 0.5))
+
+
+def test_what_only_news_changes_is_packed_once_until_there_is_some():
+    knowing = Knowing((CART, TABLE))
+    knowing.tell("cart", xyz=(1.0, 0.0, 0.0), velocity=(0.3, 0.0, 0.0))
+    before = knowing.scene
+    knowing.go(10)
+    later = knowing.scene
+    assert later is not before
+    assert later.age[0] == pytest.approx(0.1)
+    assert later.clearance is before.clearance
+    knowing.tell("cart", clearance=0.07)
+    assert knowing.scene.clearance[0] == 0.07

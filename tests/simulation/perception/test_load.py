@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from telerobot.config.load import altered, load_cell
 from telerobot.config.schema.mechanism import PayloadSection
+from telerobot.server.perception.wrench import ForceTorqueMonitor
 
 HAND = {"mass": 0.98, "com": (0.0, 0.0, 0.051)}
 HEAVIER = PayloadSection(mass=5.98, com=(0.0, 0.0, 0.051))
@@ -47,6 +48,22 @@ def test_a_payload_that_is_told_wrong_is_said_and_does_not_move_the_arm(
     assert run.summary["mode"] == "enabled"
     assert way(run, 0.3, 4.0) < 3.5e-3
     assert way(run, 1.0, 4.0) < 0.5e-3
+
+
+def test_of_an_arm_that_stands_nobody_asks_for_thirty_readings_without_the_payload(
+    play, pa10, monkeypatch
+):
+    asked, unloaded = [], ForceTorqueMonitor.unloaded.fget
+
+    def counted(monitor):
+        asked.append(monitor)
+        return unloaded(monitor)
+
+    monkeypatch.setattr(ForceTorqueMonitor, "unloaded", property(counted))
+    run = play(cell=pa10, seconds=5.0)
+    assert run.states[-1].on["force"]
+    assert run.summary["mode"] == "enabled"
+    assert asked == []
 
 
 def test_a_sensor_that_is_biased_is_said_and_a_tare_is_the_way_out(play, pa10):
