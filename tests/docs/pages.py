@@ -93,6 +93,7 @@ class Desk:
             check=False,
         )
         self.printed += done.stdout
+        print(f"{line}\n{done.stdout}\n{done.stderr}")  # is shown with what fails later
         assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
 
     def _write(self, block):

@@ -54,7 +54,8 @@ def test_what_the_readme_simulates_reaches_what_its_script_expects(tmp_path, lin
     Desk(tmp_path).run(line)
 
 
-@pytest.mark.slow
+@pytest.mark.hil
+@pytest.mark.alone
 def test_the_readmes_demo_drives_itself_without_a_keyboard(tmp_path):
     (line,) = re.findall(r"`(telerobot demo --headless [^`]*)`", README)
     desk = Desk(tmp_path)

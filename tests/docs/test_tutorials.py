@@ -6,13 +6,13 @@ import pytest
 
 from .pages import Desk, clone
 
-pytestmark = pytest.mark.slow
-
 
 def numbers(text):
     return [float(x) for x in re.findall(r"-?\d+\.\d+", text)]
 
 
+@pytest.mark.hil
+@pytest.mark.alone
 def test_drive(tmp_path):
     desk = Desk(tmp_path)
     desk.work_through("docs/tutorials/drive.md")
@@ -21,12 +21,15 @@ def test_drive(tmp_path):
     assert "mode: stopping" in desk.printed or "mode: hold" in desk.printed
 
 
+@pytest.mark.hil
+@pytest.mark.alone
 def test_own_arm(tmp_path):
     desk = Desk(tmp_path)
     desk.work_through("docs/tutorials/own_arm.md")
     assert "CONFIRM" in desk.printed
 
 
+@pytest.mark.slow
 def test_own_source(tmp_path):
     desk = Desk(tmp_path, clone(tmp_path))
     desk.work_through("docs/tutorials/own_source.md")
@@ -34,6 +37,7 @@ def test_own_source(tmp_path):
     assert height == pytest.approx(0.59, abs=0.001)
 
 
+@pytest.mark.slow
 def test_record_and_policy(tmp_path):
     desk = Desk(tmp_path)
     desk.work_through("docs/tutorials/policy.md")
