@@ -121,8 +121,8 @@ def prepare() -> list[str]:
     return notices
 
 
-def settle() -> int:
-    """Keep all that lives now from the collector and in huge pages; return how many these are [1].
+def settle() -> None:
+    """Keep all that lives now from the collector, and in huge pages as far as the kernel can.
 
     A period looks at hundreds of pages of Python's objects, and finds few of them in the TLB after
     a sleep. Linux collapses pages since 6.1 (madvise(2)); before that, they stay as they are. So
@@ -133,17 +133,14 @@ def settle() -> int:
     try:
         told = Path("/proc/self/smaps").read_text()
     except OSError:
-        return 0
-    found, libc = 0, ctypes.CDLL(None)
+        return
+    libc = ctypes.CDLL(None)
     for begin, end, used_kB in _PRIVATE.findall(told):
         first, last = -(-int(begin, 16) // HUGE) * HUGE, int(end, 16) // HUGE * HUGE
         if first >= last or 2 * 1024 * int(used_kB) < int(end, 16) - int(begin, 16):
             continue
         # One call for all of them: each waits until every processor has let go of its pages.
-        place, size = ctypes.c_void_p(first), ctypes.c_size_t(last - first)
-        if libc.madvise(place, size, _MADV_COLLAPSE) == 0:
-            found += (last - first) // HUGE
-    return found
+        libc.madvise(ctypes.c_void_p(first), ctypes.c_size_t(last - first), _MADV_COLLAPSE)
 
 
 _awake: list[BinaryIO] = []

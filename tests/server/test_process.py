@@ -103,7 +103,7 @@ def test_memory_in_use_is_gathered_in_huge_pages_and_stays_what_it_is(collapsing
         at, beside = (ctypes.addressof(ctypes.c_char.from_buffer(each)) for each in (used, spare))
         assert _huge_kB(at) == 0
         try:
-            assert process.settle() >= 3
+            process.settle()
         finally:
             gc.unfreeze()
         assert _huge_kB(at) >= 3 * process.HUGE // 1024
