@@ -253,6 +253,10 @@ class Topic:
         """True where only the lease's holder is heard, and has to prove the lease (`proof.py`)."""
         return issubclass(self.message, m.Command)
 
+    def every(self, period_s: float) -> int:
+        """Return in each how many-th period [s] a sender tells of it, to keep to its rate [1]."""
+        return 1 if self.rate_hz is None else max(1, round(1.0 / (self.rate_hz * period_s)))
+
     def by(self, sender: str) -> Self:
         """Return this topic as one sender, or of one camera; itself where keys name neither."""
         return replace(self, sender=sender) if self.by_sender or self.by_camera else self

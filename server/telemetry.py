@@ -1,4 +1,4 @@
-"""Telemetry: the state of every tick, events, reflected forces, and a description of the cell."""
+"""Telemetry: a cell's state, events, reflected forces, and its description."""
 
 import math
 from importlib import metadata
@@ -37,9 +37,6 @@ DRIVE_WORDS: Final[dict[DriveState | None, str]] = {
     **{state: state.name.lower() for state in DriveState},
 }
 """The states of drives as operators read them."""
-
-DESCRIBE_EVERY_S = 0.2
-"""Time between two descriptions, for operators that come late [s]."""
 
 
 def describe(cell: Cell) -> Description:
@@ -257,7 +254,8 @@ class Telemetry:
     def __init__(self, description: Description, link: Link, events: Events) -> None:
         self._link, self._events = link, events
         self._description = description
-        self._describe_every = max(1, round(DESCRIBE_EVERY_S / description.period_s))
+        self._describe_every = DESCRIPTION.every(description.period_s)
+        self._state_every = STATE.every(description.period_s)
         self._described = False
         """Somebody listened to descriptions a tick ago."""
 
@@ -281,12 +279,14 @@ class Telemetry:
     def publish(self, record: TickRecord, units: Units, admission: Admission) -> None:
         """Send a tick's state, forces for handles, obstacles, and now and then the description.
 
-        What nobody listens to is not computed either. The first who listens has the description
-        at once, others within `DESCRIBE_EVERY_S`.
+        What nobody listens to is not computed either, and a state at most as often as its topic
+        says, however short the period. The first who listens has the description at once.
         """
         heard = self._link.heard
-        if heard(STATE) and (state := snapshot(record, units, admission)) is not None:
-            self._link.publish(STATE, state)
+        if heard(STATE) and record.tick % self._state_every == 0:
+            state = snapshot(record, units, admission)
+            if state is not None:
+                self._link.publish(STATE, state)
         if heard(REFLECTION):
             for unit in units.each:
                 reflector = unit.commands.reflector

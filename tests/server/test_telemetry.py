@@ -8,7 +8,6 @@ import zenoh
 from telerobot.drivers.network.sessions import client_config
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode
-from telerobot.server import telemetry
 from telerobot.server.operators.link import MemoryLink, ZenohLink
 from telerobot.server.recorder import BlackBox
 from telerobot.tools.scripts.script import Script
@@ -63,7 +62,10 @@ def test_nothing_but_events_is_told_while_nobody_listens_and_the_box_has_every_t
 @pytest.fixture
 def seldom(monkeypatch):
     """Let no description be due in this test but the one to who begins to listen."""
-    monkeypatch.setattr(telemetry, "DESCRIBE_EVERY_S", 1000.0)
+    every = t.Topic.every
+    monkeypatch.setattr(
+        t.Topic, "every", lambda topic, T: 100_000 if topic is t.DESCRIPTION else every(topic, T)
+    )
 
 
 def test_who_begins_to_listen_to_all_keys_has_state_and_description_at_once(seldom, daemon):

@@ -1,7 +1,9 @@
 """Telemetry: unsent while nobody listens, all of it for a late listener, equal over the wire."""
 
 from collections import Counter
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from telerobot.config.load import load_cell
 from telerobot.protocols import topics as t
@@ -44,6 +46,17 @@ def test_nobody_is_told_nothing_and_a_late_listener_everything_within_a_fraction
     steps(0.25)
     assert heard[t.DESCRIPTION.key] == describe(cell)
     simulation.close()
+
+
+def test_states_come_a_hundred_times_a_second_however_short_the_period():
+    cell = load_cell("planar3")
+    timing = cell.config.timing.model_copy(update={"period_s": 0.004})
+    cell = replace(cell, config=cell.config.model_copy(update={"timing": timing}))
+    simulation = Simulation(cell, Script.model_validate({"duration_s": 9.0}))
+    simulation.run(until=lambda: simulation.cycle.tick == 100)
+    ticks = [state.tick for state in simulation.states]
+    assert len(ticks) == 50
+    assert set(np.diff(ticks)) == {2}  # 8 ms: every third period would be less often
 
 
 @pytest.mark.parametrize(
