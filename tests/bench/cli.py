@@ -33,6 +33,7 @@ BENCHES: Final[cli.Benches] = {
         ("pa10",),
     ),
     "held": (held.bench, ("pa10",)),
+    "short": (held.short, ("planar3",)),
     "fit": (fit.bench, ("snake",)),
     "page": (page.bench, ("pa10",)),
     "rover": (rover.bench, ("rover_bridge",)),

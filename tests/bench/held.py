@@ -1,4 +1,4 @@
-"""Whether the daemon holds its period: on a core of which little is left, and with more arms in it.
+"""Whether the daemon holds its period: a short one, on little of a core, and with more arms in it.
 
 Daemon and rig are real processes, the first arm moves under a streamed stick. The daemon has one
 core for itself, all others the rest. A core is slowed by a hog: a process that goes before the
@@ -23,11 +23,13 @@ from telerobot.tools.bench.figures import PERCENTILES, Figures
 from telerobot.tools.bench.latency import EnabledPlant, driven
 from telerobot.tools.client.operator import OperatorError
 
-from .load import several
+from .load import at_period, several
 
 LEFT: Final = 0.25
 """Part of a core that is left to the daemon where it is slowed [1]."""
 ARMS: Final = (1, 2, 4, 8)
+SHORT_S: Final = 1e-3
+"""A period in which a bus carries what three drives say and hear, and hardly more [s]."""
 SLICE_S: Final = 1e-3
 """The hog takes its part of each [s]."""
 
@@ -40,6 +42,13 @@ def bench(cell: Cell, quick: bool) -> Figures:
         for count in ARMS:
             found[f"arms_{count}"] = _held(several(cell, count, Path(folder)), seconds)
     return found
+
+
+def short(cell: Cell, quick: bool) -> Figures:
+    """Measure SYNC of a cell at `SHORT_S`, beside a bare loop of that period."""
+    with tempfile.TemporaryDirectory() as folder:
+        cell = at_period(cell, SHORT_S, Path(folder))
+        return sync.bench(cell, sync.QUICK_SECONDS if quick else sync.SECONDS)
 
 
 def _held(cell: Cell, seconds: float, left: float = 1.0) -> Figures:

@@ -78,6 +78,14 @@ def several(cell: Cell, count: int, folder: Path) -> Cell:
     return load_cell(path)
 
 
+def at_period(cell: Cell, period_s: float, folder: Path) -> Cell:
+    """Return a cell with another period [s]; its file, of the one bus, is written to `folder`."""
+    path = folder / f"{cell.config.name}.toml"
+    text = cell.path.read_text(encoding="utf-8")
+    path.write_text(text.replace("\n[bus]", f"\n[timing]\nperiod_s = {period_s}\n\n[bus]", 1))
+    return load_cell(path)
+
+
 def on_one_payload() -> Cell:
     """Return the shipped cell of two arms that hold a payload, which weighs nothing here.
 

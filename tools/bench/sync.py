@@ -59,7 +59,7 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
         "syncs": len(stamps),
         "period_error_us": ours,
         "bare_error_us": bare_us,
-        "ratio_p99": round(ours["p99"] / bare_us["p99"], 2) if bare_us["p99"] else math.nan,
+        **{f"ratio_{p}": round(ours[p] / (bare_us[p] or math.nan), 2) for p in ("p99", "p99.9")},
         **held,
     }
 
