@@ -29,6 +29,8 @@ LATE_PERIODS = 2
 """Lateness of so many SYNC periods is made up when no frame waits, more is skipped [1]."""
 MOST_ASLEEP_S = 0.005
 """Faults and the order to end are looked for at least so often [s]."""
+GATHER_PART = 0.1
+"""Frames that follow one another are waited for so long at most [SYNC periods]."""
 MOST_PERIODS = 5
 """No more is made up for a SYNC; a frame that seems older has just come [SYNC periods]."""
 
@@ -101,7 +103,7 @@ def run_realtime(
     """Run the rig until `stop()`, one physics step per `rig.dt` of `clock` [s].
 
     `wait` blocks until a frame may have come, for so long at most [s]; after frames others follow,
-    for which it `sleep`s a physics step.
+    for which it `sleep`s a physics step, or less where the next SYNC comes soon.
     `stamping` is the clock of the stamps of the bus [s]; stamps of another one are no use.
     `tell` is told, in one line, why a fault was not injected, and of a node that somebody else
     sends for, which ends nothing: whoever is fooled by it is to notice.
@@ -109,7 +111,7 @@ def run_realtime(
     pace = Pace()
 
     def gather(_rig: Rig, seconds: float) -> None:
-        sleep(min(seconds, rig.dt))
+        sleep(min(seconds, rig.dt, GATHER_PART * rig.period_s))
 
     deadline = wake_s = clock()
     next_truth_s = rig.time_s

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...config.load import Cell
 from ...protocols.canopen.can301 import SYNC_ID
+from ..client.operator import OperatorError
 from .figures import PERCENTILES, Figures, cpu_s, percentiles
 from .latency import EnabledPlant, driven, frames
 
@@ -67,7 +68,8 @@ def _measured(cell: Cell, seconds: float, statistics: Path) -> Figures:
 def moving(plant: EnabledPlant, seconds: float) -> tuple[list[float], Figures]:
     """Drive the arm to and fro; return the stamps of SYNC [s], and what it cost meanwhile.
 
-    That is overruns, and the processor time that daemon and rig took a period [µs].
+    That is overruns, and what daemon and rig took of the processor a period [µs]. Raises
+    `OperatorError` for an arm that is not enabled in the end: one that holds costs less.
     """
     children = {"daemon": plant.local.daemon, "rig": plant.local.rig}
     pids = {f"{name}_cpu_us": child.pid for name, child in children.items() if child}
@@ -75,7 +77,9 @@ def moving(plant: EnabledPlant, seconds: float) -> tuple[list[float], Figures]:
     overruns = plant.operator.wait_state().overruns
     stamps = _sway(plant, seconds)
     periods = seconds / plant.cell.config.timing.period_s
-    found: Figures = {"overruns": plant.operator.wait_state().overruns - overruns}
+    if (state := plant.operator.wait_state()).mode != "enabled":
+        raise OperatorError("bench", f"the arm did not stay enabled: {state.mode}")
+    found: Figures = {"overruns": state.overruns - overruns}
     for name, pid in pids.items():
         found[name] = round(1e6 * (cpu_s(pid) - before[name]) / periods, 1)
     return stamps, found
