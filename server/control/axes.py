@@ -80,7 +80,8 @@ class HeldAxes(NamedTuple):
 
     def rows(self, J: Array) -> Array:
         """Return the task's rows (6, n + f) of a Jacobian of the MRF (6, n), with their slack."""
-        return np.hstack([self.keep @ J, self.slack])
+        rows: Array = self.keep @ J
+        return np.hstack([rows, self.slack]) if self.slack.size else rows
 
     def own(self, J: Array) -> Array:
         """Return the rows (6, n) in the axes of the MRF, without slack: zeros for free axes."""

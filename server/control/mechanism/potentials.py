@@ -126,9 +126,15 @@ def slope_of(J: Array, F: Array, held: HeldAxes | None = None) -> Array:
     return found + J[3:].T @ (_turned_by(held.rows(J), F) - _turned_by(J, G))
 
 
+@compiled(MATRIX, MATRIX)
 def _turned_by(J: Array, F: Array) -> Array:
     """Return ∂f/∂φ (3,) of a function of columns J (6, m) that turn, from F = ∂f/∂J (6, m)."""
-    return np.asarray((np.cross(J[:3].T, F[:3].T) + np.cross(J[3:].T, F[3:].T)).sum(axis=0))
+    found = np.zeros(3)
+    for j in range(J.shape[1]):  # Σ v × f + ω × m
+        found[0] += J[1, j] * F[2, j] - J[2, j] * F[1, j] + (J[4, j] * F[5, j] - J[5, j] * F[4, j])
+        found[1] += J[2, j] * F[0, j] - J[0, j] * F[2, j] + (J[5, j] * F[3, j] - J[3, j] * F[5, j])
+        found[2] += J[0, j] * F[1, j] - J[1, j] * F[0, j] + (J[3, j] * F[4, j] - J[4, j] * F[3, j])
+    return found
 
 
 def _solved_where_reached(J: Array, rank: int) -> tuple[float, Array]:
