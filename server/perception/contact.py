@@ -445,16 +445,10 @@ _NOWHERE: Final = np.zeros((0, 3))
 
 
 class _Sample(NamedTuple):
-    """One look; vectors (3,) in World axes."""
+    """One look."""
 
-    asked: Array
-    """Velocity that is asked for [m/s]."""
-    turning: Array
-    """And the angular velocity [rad/s]."""
-    force: Array
-    """Force that is exerted [N]."""
-    moment: Array
-    """And the moment, at the MRF [N·m]."""
+    row: Array
+    """The twist that is asked for, and the wrench that is exerted (4, 3), in World axes."""
     T: Pose
     """Where the MRF was measured."""
     behind: frozenset[str]
@@ -502,32 +496,30 @@ class JamMonitor:
             self._forget()
             return
         T, wrench = output.T_world_mrf_measured, output.wrench
-        force, moment = (NO_TWIST if wrench is None else wrench).reshape(2, 3) @ T.R.T
+        exerted = (NO_TWIST if wrench is None else wrench).reshape(2, 3) @ T.R.T
         behind = frozenset(x[len(LEASH) :] for x in output.limits if x.startswith(LEASH))
-        self._seen.append(_Sample(asked[:3], asked[3:], force, moment, T, behind))
+        self._seen.append(_Sample(np.concatenate((asked.reshape(2, 3), exerted)), T, behind))
         if len(self._seen) == self._seen.maxlen:
             self._judge()
 
     def _judge(self) -> None:
         seen = tuple(self._seen)
-        asked = np.mean([sample.asked for sample in seen], axis=0)
+        rows = np.array([sample.row for sample in seen])
+        asked, turning, force, moment = rows.mean(axis=0)
         speed = _size(asked)
         if speed < SLOWEST:
             # There and back, as in a search.
             self.jammed = self._held = False
             return
         along = asked / speed
-        turning = np.mean([sample.turning for sample in seen], axis=0)
         places = self._progress(seen[0].T, seen[-1].T, asked, turning, along)
         way, asked_m = least = max(places, key=lambda place: place.left)
-        pressed = min(float(sample.force @ along) for sample in seen)
+        pressed = float((rows[:, 2] @ along).min())
         stuck, pushed = least.left > 0.0, pressed > PRESSED_N
         unseen: frozenset[str] = frozenset()
         if not pushed:
             unseen = seen[0].behind.intersection(*(sample.behind for sample in seen))
         held = stuck and (pushed or bool(unseen))
-        force = np.mean([sample.force for sample in seen], axis=0)
-        moment = np.mean([sample.moment for sample in seen], axis=0)
         on_edge = pushed and (len(self._grasps) > 0 or _on_edge(force, moment, along))
         jammed = stuck and on_edge
         if (jammed and not self.jammed) or (held and not self._held):
