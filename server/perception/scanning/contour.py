@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from ...control.compiled import COUNT, MATRIX, NUMBER, TABLE, VECTOR, compiled
+from ...control.compiled import ARRAY4, COUNT, MATRIX, NUMBER, TABLE, VECTOR, compiled
 from ...control.scene import Flags
 from ...control.spatial import Array
 
@@ -116,18 +116,27 @@ WAYS: Final = ((-1, 0), (1, 0), (0, -1), (0, 1))
 """To the neighbours below, above, right, left, by rows and columns."""
 
 
+@compiled(ARRAY4, MATRIX, NUMBER)
 def _free_strips(strips: Array, every: Array, cell: float) -> Array:
     """Return how wide the empty strips inside the borders of cells are (4, rows, columns) [m].
 
     `strips` (2, `STRIPS`, rows, columns) are the hits in each, upwards and to the left.
     """
-    free = np.empty((len(WAYS), *every.shape))
-    for axis, hits in enumerate(strips):
-        for end, ordered in enumerate((hits, hits[::-1])):
-            beyond = np.cumsum(ordered, axis=0) < NOISE_SHARE * every
-            free[2 * axis + end] = beyond.sum(axis=0) * (cell / STRIPS) - EDGE
-    free[:, every < LEAST_EDGE_HITS] = 0.0
-    return np.maximum(free, 0.0)
+    rows, columns = every.shape
+    free = np.zeros((4, rows, columns))
+    for way in range(4):
+        for i in range(rows):
+            for j in range(columns):
+                empty, hits = 0, 0.0
+                if every[i, j] < LEAST_EDGE_HITS:
+                    continue
+                for k in range(STRIPS):
+                    hits += strips[way // 2, STRIPS - 1 - k if way % 2 else k, i, j]
+                    if hits >= NOISE_SHARE * every[i, j]:
+                        break
+                    empty += 1
+                free[way, i, j] = max(empty * (cell / STRIPS) - EDGE, 0.0)
+    return free
 
 
 def _beside(values: Array, row: int, column: int) -> Array:
