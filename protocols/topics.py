@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from functools import cache, cached_property
+from math import ceil
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Self, Union, get_args, get_origin
 
@@ -254,8 +255,8 @@ class Topic:
         return issubclass(self.message, m.Command)
 
     def every(self, period_s: float) -> int:
-        """Return in each how many-th period [s] a sender tells of it, to keep to its rate [1]."""
-        return 1 if self.rate_hz is None else max(1, round(1.0 / (self.rate_hz * period_s)))
+        """Return the number of periods [s] between two messages that keep to its rate [1]."""
+        return 1 if self.rate_hz is None else max(1, ceil(1.0 / (self.rate_hz * period_s) - 1e-9))
 
     def by(self, sender: str) -> Self:
         """Return this topic as one sender, or of one camera; itself where keys name neither."""

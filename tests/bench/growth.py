@@ -17,7 +17,7 @@ from .load import OBSTACLES, among, chain, on_one_payload, several
 
 COUNTS = (1, 2, 4, 8, 16, 32, 64)
 JOINTS = (6, 7, 8, 10, 12, 16, 24, 32, 48, 60)
-ARMS = (1, 2, 3, 4)
+ARMS = (1, 2, 4, 8)
 PAYLOAD = "payload"
 """Row of two arms on one payload, beside those of arms with a task each."""
 TICKS = 1000
