@@ -34,6 +34,9 @@ SKIP_PART = 0.5
 TIDY_EVERY = 100
 """Ticks between two quick garbage collections, in a period's slack [1]."""
 
+TIDY_AT = 2
+"""They come in the second tick after one of these: states and descriptions go before [1]."""
+
 KEPT = 100_000
 """Ticks whose timing is kept, the newest: a daemon runs for months [1]."""
 
@@ -102,7 +105,7 @@ def run(
         cycle.finish()
         end = clock.now()
         _note(statistics, cycle, late, end - deadline)
-        if cycle.tick % TIDY_EVERY == 0:
+        if cycle.tick % TIDY_EVERY == TIDY_AT:
             gc.collect(2 if cycle.mode in (Mode.BOOT, Mode.READY) else 0)
         deadline, skipped = next_deadline(deadline, clock.now(), period_s)
         statistics.skipped += skipped

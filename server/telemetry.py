@@ -299,7 +299,8 @@ class Telemetry:
             for news in units.obstacles.told(record.tick):
                 self._link.publish(HELD, news)
         before, self._described = self._described, heard(DESCRIPTION)
-        if self._described and (not before or record.tick % self._describe_every == 0):
+        due = record.tick % self._describe_every == 1  # a tick after the state's
+        if self._described and (due or not before):
             self._link.publish(DESCRIPTION, self._description)
 
 

@@ -213,6 +213,8 @@ class ZenohLink:
         self._answers = AnswerThread()
         self._keys = {topic.key: topic.full_key(cell) for topic in REQUESTS}
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._told: dict[str, tuple[Message, bytes]] = {}
+        """The newest message of each topic, and its bytes."""
         self._hearings: dict[str, Hearing] = {}
 
     @property
@@ -230,9 +232,13 @@ class ZenohLink:
 
     def publish(self, topic: Topic, message: Message) -> None:
         """Send telemetry. Nothing here may wait for a slow reader: what does not fit is dropped,
-        and event ids tell the reader that something is missing.
+        and event ids tell the reader that something is missing. What is told again is not encoded
+        again.
         """
-        self._publisher(topic).put(encode(message))
+        told = self._told.get(topic.key)
+        if told is None or told[0] is not message:
+            told = self._told[topic.key] = message, encode(message)
+        self._publisher(topic).put(told[1])
 
     def heard(self, topic: Topic) -> bool:
         """Return whether anybody listens to a telemetry topic, as far as the network knows."""

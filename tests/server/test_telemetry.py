@@ -6,8 +6,11 @@ from collections import Counter
 import pytest
 import zenoh
 from telerobot.drivers.network.sessions import client_config
+from telerobot.protocols import codec
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode
+from telerobot.protocols.messages.telemetry import Description
+from telerobot.server.operators import link as links
 from telerobot.server.operators.link import MemoryLink, ZenohLink
 from telerobot.server.recorder import BlackBox
 from telerobot.tools.scripts.script import Script
@@ -83,12 +86,28 @@ def test_who_begins_to_listen_to_all_keys_has_state_and_description_at_once(seld
         sample = every.recv()
         topic = next(x for x in t.TOPICS if x.full_key("pa10") == str(sample.key_expr))
         found[topic] = decode(topic, sample.payload.to_bytes())
-    assert found[t.STATE].tick <= simulation.cycle.tick
+    first = found[t.STATE].tick
+    assert first <= simulation.cycle.tick
+    for _ in range(TRIES):
+        simulation.step()
+        sample = every.try_recv()
+        if sample is not None and str(sample.key_expr) == t.STATE.full_key("pa10"):
+            newest = decode(t.STATE, sample.payload.to_bytes()).tick
+            if newest > first:
+                break
+    assert newest > first
     assert found[t.DESCRIPTION].cell == "pa10"
 
 
-def test_a_description_goes_seldom_to_who_listens_and_to_nobody_who_left(daemon):
+def test_a_description_goes_seldom_to_who_listens_and_to_nobody_who_left(daemon, monkeypatch):
     simulation, network, peer = daemon
+    encoded = Counter()
+
+    def encode(message):
+        encoded[type(message)] += 1
+        return codec.encode(message)
+
+    monkeypatch.setattr(links, "encode", encode)
     listener = peer.declare_subscriber(t.DESCRIPTION.full_key("pa10"))
     for _ in range(TRIES):
         simulation.step()
@@ -98,6 +117,7 @@ def test_a_description_goes_seldom_to_who_listens_and_to_nobody_who_left(daemon)
     for _ in range(100):
         simulation.step()
     assert network.sent[t.DESCRIPTION] == 5
+    assert encoded[Description] == 1
     listener.undeclare()
     for _ in range(TRIES):
         network.sent.clear()
