@@ -2,6 +2,8 @@
 
 import json
 import math
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,12 +11,13 @@ from laboratory.bench import cli, growth, load, rover
 from laboratory.bench.growth_plot import drawn
 from laboratory.bench.page import page
 from telerobot.config.load import altered, load_cell
-from telerobot.tools.bench import tick
+from telerobot.tools.bench import sync, tick
 from telerobot.tools.bench.bare import periods
 from telerobot.tools.bench.cli import table
 from telerobot.tools.bench.figures import machine, percentiles
 from telerobot.tools.bench.latency import without_self_motion
 from telerobot.tools.cli import main
+from telerobot.tools.client.operator import OperatorError
 
 
 def test_tick_measures_a_free_and_a_limited_phase():
@@ -45,6 +48,32 @@ def test_the_load_is_so_many_obstacles_and_every_barrier(count):
     assert cell.config.avoidance.enabled
     if count == load.OBSTACLES:
         assert set(shapes) == {"point", "sphere", "capsule", "box", "sight_line"}
+
+
+def test_a_cell_at_another_period_is_the_same_but_for_that(tmp_path):
+    own = load_cell("planar3")
+    quick = load.at_period(own, 1e-3, tmp_path).config
+    assert quick.timing.period_s == 1e-3
+    back = quick.timing.model_copy(update={"period_s": own.config.timing.period_s})
+    assert (back, quick.mechanism) == (own.config.timing, own.config.mechanism)
+
+
+def _swaying(mode):
+    """Return a plant whose operator finds the arm in a mode, and overruns once a look."""
+    looks = count()
+    operator = SimpleNamespace(
+        joystick=lambda *_told, **_more: None,
+        wait_state=lambda: SimpleNamespace(mode=mode, overruns=next(looks)),
+    )
+    bus = SimpleNamespace(recv=lambda _seconds: None)
+    local = SimpleNamespace(daemon=None, rig=None)
+    return sync.EnabledPlant(load_cell("planar3"), operator, bus, local)
+
+
+def test_what_moving_costs_is_told_of_an_arm_that_is_enabled_in_the_end_alone():
+    assert sync.moving(_swaying("enabled"), 0.1) == ([], {"overruns": 1})
+    with pytest.raises(OperatorError, match="did not stay enabled: hold"):
+        sync.moving(_swaying("hold"), 0.1)
 
 
 @pytest.mark.parametrize("joints", [6, 12, 60])
