@@ -1,11 +1,10 @@
 """Telemetry: unsent while nobody listens, all of it for a late listener, equal over the wire."""
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from telerobot.config.load import load_cell
+from telerobot.config.load import altered, load_cell
 from telerobot.protocols import topics as t
 from telerobot.protocols.codec import decode, encode
 from telerobot.server.operators.link import MemoryLink
@@ -49,9 +48,7 @@ def test_nobody_is_told_nothing_and_a_late_listener_everything_within_a_fraction
 
 
 def test_states_come_a_hundred_times_a_second_at_most_however_short_the_period():
-    cell = load_cell("planar3")
-    timing = cell.config.timing.model_copy(update={"period_s": 0.004})
-    cell = replace(cell, config=cell.config.model_copy(update={"timing": timing}))
+    cell = altered(load_cell("planar3"), {"timing.period_s": 0.004})
     simulation = Simulation(cell, Script.model_validate({"duration_s": 9.0}))
     simulation.run(until=lambda: simulation.cycle.tick == 100)
     ticks = [state.tick for state in simulation.states]
