@@ -353,6 +353,8 @@ AVOIDANCE = _request("avoidance", AvoidanceRequest)
 REFLECT = _request("reflection", ReflectionRequest)
 
 STATE = Topic("tlm/state", State, Flow.TELEMETRY, Life.STREAM, 100, largest=65536)
+"""Of every tick, or at periods below 10 ms no more often than that rate."""
+
 EVENT = Topic("tlm/event", Event, Flow.TELEMETRY, largest=65536)
 DESCRIPTION = Topic("tlm/description", Description, Flow.TELEMETRY, Life.GOAL, 5, largest=65536)
 REFLECTION = Topic("tlm/reflection", Reflection, Flow.TELEMETRY, Life.STREAM, 100)

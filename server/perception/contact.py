@@ -448,7 +448,8 @@ class _Sample(NamedTuple):
     """One look."""
 
     row: Array
-    """The twist that is asked for, and the wrench that is exerted (4, 3), in World axes."""
+    """Velocity and angular velocity that are asked for, force and moment at the MRF that are
+    exerted (4, 3), in World axes [m/s, rad/s, N, N·m]."""
     T: Pose
     """Where the MRF was measured."""
     behind: frozenset[str]

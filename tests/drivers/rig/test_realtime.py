@@ -80,6 +80,30 @@ def test_physics_time_keeps_to_the_clock(master: Master) -> None:
     assert pace.skipped == 0
 
 
+@pytest.mark.parametrize("period_s", [0.01, 0.001])
+def test_after_a_frame_it_sleeps_for_a_tenth_of_a_period_at_most(
+    master: Master, period_s: float
+) -> None:
+    """Or a SYNC that comes soon is answered too late for its tick."""
+    clock, slept = Clock(), list[float]()
+    master.rig.period_s = period_s
+    sync(master)
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        clock.sleep(seconds)
+
+    run_realtime(
+        master.rig,
+        after(clock, 0.02),
+        None,
+        clock=clock.now,
+        sleep=sleep,
+        wait=waiting(clock.sleep),
+    )
+    assert 0.0 < max(slept) <= 0.1 * period_s
+
+
 def test_lost_time_is_skipped_and_counted(master: Master) -> None:
     clock = Clock()
     run(master, clock, 0.1)
